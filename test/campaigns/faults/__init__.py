@@ -1,1 +1,1 @@
-"""Fault campaigns: seeded faults on every topic and node, monitors on every message, in process and over DDS."""
+"""Fault campaign in process: seeded faults on every topic and node, monitors on every message."""

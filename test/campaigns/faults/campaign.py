@@ -41,11 +41,9 @@ class Tally:
     """Results so far."""
 
     seed: int
-    over_dds: bool
     two_arms: bool = False
     interface: str = ""
     verdicts: list[Verdict] = field(default_factory=list)
-    notes: dict[str, Any] = field(default_factory=dict)
 
     @property
     def failed(self) -> list[Verdict]:
@@ -61,7 +59,6 @@ class Tally:
             "violations": len(failed),
             "bound_95": upper_bound_95(trials, len(failed)),
             "seed": self.seed,
-            "over_dds": self.over_dds,
             "two_arms": self.two_arms,
             "interface": self.interface or "drawn",
             "commands": sum(verdict.commands for verdict in self.verdicts),
@@ -74,7 +71,6 @@ class Tally:
                 if (found := [verdict for verdict in self.verdicts if verdict.setting == name])
             },
             "failed": [asdict(verdict) for verdict in failed],
-            **self.notes,
         }
 
 

@@ -1,13 +1,14 @@
-"""One topic between two nodes, with its faults; time is an argument, virtual or real."""
+"""One topic between two nodes, with its faults, in virtual time."""
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from test.campaigns.faults.carriers import Carrier
 from test.campaigns.faults.plan import Fault
+from test.campaigns.faults.wire import Wire
 
 DAMAGED = ("corrupt_values", "corrupt_bytes", "wrong_names", "wrong_frame")
 _LONGEST_DELAY_S = 0.3
@@ -27,13 +28,13 @@ class Channel:
     """Carries samples.
 
     Args:
-        carrier: of what is carried.
+        wire: the topic; a damaged sample becomes a message and a sample again by the node's own code.
         faults: those of this topic.
         rng: this channel's randomness.
     """
 
-    def __init__(self, carrier: Carrier, faults: tuple[Fault, ...], rng: np.random.Generator) -> None:
-        self._carrier, self._faults, self._rng = carrier, faults, rng
+    def __init__(self, wire: Wire, faults: tuple[Fault, ...], rng: np.random.Generator) -> None:
+        self._wire, self._faults, self._rng = wire, faults, rng
         self._waiting: list[Delivery] = []
         self._held: tuple[Any, int] | None = None
         self._frozen: tuple[Any, int] | None = None
@@ -66,10 +67,8 @@ class Channel:
             self._frozen = (sample, measured_ns) if self._frozen is None else self._frozen
             same, since_ns = self._frozen
             if kind == "freeze_values":  # they have time limits of their own
-                same, since_ns = self._carrier.restamp(same, sample), measured_ns
+                same, since_ns = dataclasses.replace(same, stamp_ns=sample.stamp_ns), measured_ns
             self._put(same, now_ns, since_ns, True)
-        elif kind == "cut":
-            pass  # nothing comes through
         elif not hit:
             self._put(sample, now_ns, measured_ns, True)
         elif kind == "duplicate":
@@ -85,9 +84,9 @@ class Channel:
                 self._put(sample, now_ns, measured_ns, True)
                 self._release(now_ns)
         elif kind in DAMAGED:
-            damaged = self._carrier.damage(sample, kind, rng)
+            damaged = self._wire.receive(self._wire.damaged(self._wire.message(sample), kind, rng))
             if damaged is not None:
-                self._put(damaged, now_ns, measured_ns, not self._carrier.plainly_bad(damaged))
+                self._put(damaged, now_ns, measured_ns, _is_finite(damaged))
 
     def _release(self, now_ns: int) -> None:
         if self._held is not None:
@@ -98,3 +97,9 @@ class Channel:
     def _put(self, sample: Any, due_ns: int, measured_ns: int, clean: bool) -> None:
         self._count += 1
         self._waiting.append(Delivery(due_ns, measured_ns, self._count, sample, clean))
+
+
+def _is_finite(sample: Any) -> bool:
+    """Return whether all numbers of a sample are finite."""
+    arrays = (getattr(sample, name) for name in ("position", "velocity", "wrench", "twist") if hasattr(sample, name))
+    return all(np.isfinite(array).all() for array in arrays)

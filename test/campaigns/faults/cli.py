@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 from rich.box import SIMPLE_HEAD
@@ -15,6 +16,9 @@ from rich.table import Table
 from slip_core.errors import InputError
 from slip_vic.run.progress import progress
 
+if TYPE_CHECKING:
+    from test.campaigns.faults.campaign import Tally
+
 SHOWN_VIOLATIONS = 5
 
 
@@ -22,24 +26,22 @@ SHOWN_VIOLATIONS = 5
 @click.option("--trials", type=click.IntRange(1), default=100, show_default=True)
 @click.option("--seed", type=click.IntRange(0), default=1, show_default=True)
 @click.option("--first", type=click.IntRange(0), default=0, show_default=True, help="number of the first trial")
-@click.option("--dds", is_flag=True, help="real DDS and node processes; default in process, in virtual time")
 @click.option("--two-arms", is_flag=True, help="two arms on one object: do both stop together?")
 @click.option(
     "--interface",
     type=click.Choice(["effort", "velocity", "position"]),
     default=None,
-    help="what the arm takes, in process; default drawn by the seed",
+    help="command interface of the arm; default drawn by the seed",
 )
-@click.option("--attacks", "attacking", is_flag=True, help="attack node processes instead, one way after the other")
+@click.option("--attacks", "attacking", is_flag=True, help="attack node processes over DDS instead")
 @click.option("--only", multiple=True, metavar="NAME", help="only attacks whose name contains this; repeatable")
-@click.option("--workers", type=click.IntRange(1), help="worker processes, in process; default one per core")
+@click.option("--workers", type=click.IntRange(1), help="worker processes; default one per core")
 @click.option("-o", "--out", type=click.Path(path_type=Path), default=Path("out/faults"), show_default=True)
 def faults(
     *,
     trials: int,
     seed: int,
     first: int,
-    dds: bool,
     two_arms: bool,
     interface: str | None,
     attacking: bool,
@@ -49,20 +51,19 @@ def faults(
 ) -> None:
     """Seeded fault campaign: is every effort finite, inside its limits, and does the arm come to a safe state?
 
-    Exit code 1 where a trial shows otherwise; it leaves a bag, and the command that runs it again. Violations are
-    printed as they are found; Ctrl-C ends with the summary so far.
+    Exit code 1 where a trial shows otherwise; the command that repeats it is printed. Violations are printed as they
+    are found; Ctrl-C ends with the summary so far.
     """
-    from test.campaigns.faults import campaign, network
+    from test.campaigns.attacks import network
+    from test.campaigns.faults import campaign
 
     if attacking:
         network.enter()
         _attack(only, out)
         return
-    if dds:
-        network.enter()
     console = Console(stderr=True)
     numbers, failures = range(first, first + trials), 0
-    tally = campaign.Tally(seed, over_dds=dds, two_arms=two_arms, interface=interface or "")
+    tally = campaign.Tally(seed, two_arms=two_arms, interface=interface or "")
 
     def on_done(verdict: campaign.Verdict) -> None:
         nonlocal failures
@@ -71,28 +72,21 @@ def faults(
             console.print(verdict.text(), markup=False, highlight=False, soft_wrap=True)
         report(len(tally.verdicts), f"{failures} with violations")
 
-    finished = False
     try:
         with progress("fault trials", trials, 0, console) as report:
-            if dds:
-                from test.campaigns.faults.dds_campaign import run_over_dds
-
-                run_over_dds(tally, numbers, out, on_done)
-            else:
-                campaign.run_in_process(tally, numbers, workers or min(trials, os.cpu_count() or 1), out, on_done)
-        finished = True
+            campaign.run_in_process(tally, numbers, workers or min(trials, os.cpu_count() or 1), out, on_done)
     finally:
         if tally.verdicts:
             path = campaign.write_results(out, tally)
-            _report(tally, out, leave_bags=finished)
+            _report(tally)
             click.echo(f"results: {path}")
     if tally.failed:
         sys.exit(1)
 
 
 def _attack(only: tuple[str, ...], out: Path) -> None:
-    from test.campaigns.faults.attack_suite import Row, run_attacks
-    from test.campaigns.faults.attacks import ATTACKS
+    from test.campaigns.attacks.attacks import ATTACKS
+    from test.campaigns.attacks.suite import Row, run_attacks
 
     names = [name for name in ATTACKS if not only or any(words in name for words in only)]
     if not names:
@@ -120,10 +114,7 @@ def _attack(only: tuple[str, ...], out: Path) -> None:
         sys.exit(1)
 
 
-def _report(tally: object, out: Path, *, leave_bags: bool) -> None:
-    from test.campaigns.faults.campaign import Tally
-
-    assert isinstance(tally, Tally)
+def _report(tally: Tally) -> None:
     summary = tally.summary()
     table = Table("fault", "trials", "violations", "recovered", "recovery median / max, s")
     for name, row in summary["by_fault"].items():
@@ -137,10 +128,6 @@ def _report(tally: object, out: Path, *, leave_bags: bool) -> None:
     )
     for verdict in tally.failed[:SHOWN_VIOLATIONS]:
         click.echo(verdict.text())
-        flag = f"{' --dds' if tally.over_dds else ''}{' --two-arms' if tally.two_arms else ''}"
+        flag = " --two-arms" if tally.two_arms else ""
         flag += f" --interface {tally.interface}" if tally.interface else ""
         click.echo(f"  again: ./run faults{flag} --seed {tally.seed} --first {verdict.trial} --trials 1")
-        if leave_bags and not tally.over_dds and not tally.two_arms:
-            from test.campaigns.faults.evidence import leave_bag
-
-            click.echo(f"  bag: {leave_bag(tally.seed, verdict.trial, out, tally.interface)}")

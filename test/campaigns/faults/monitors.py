@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slip_vic_controller.arm.plausibility import BLIND_S
-from slip_vic_controller.governor.governor import Phase
-from slip_vic_controller.governor.path_grid import GRID_POINTS
 from slip_vic_controller.params.safety_params import SafetyParams
 from test.campaigns.faults.plan import JOINT, SLIP, WRENCH
 
@@ -110,45 +107,26 @@ class CommandMonitor:
 
 
 @dataclass
-class WorkMonitor:
-    """No joint state waits for a plan: all good ones are answered, and a cycle plans no more than its share.
+class AnswerMonitor:
+    """Every good joint state is answered.
 
-    Virtual time shows no gap that computing makes, so work is counted, not time: points of the path that are left to be
-    sampled, and of the pass under way.
-
-    most: points that a cycle may plan; patience: joint states in a row that may go without an answer, while the
-    controller finds out whether their source has restarted.
+    patience: joint states in a row that may go without an answer, while the controller decides whether their source
+    has restarted.
     """
 
-    most: int
     patience: int
     violations: list[str] = field(default_factory=list)
-    largest_seen: int = 0
-    _left: int = 0
     _unanswered: int = 0
 
-    def restarted(self) -> None:
-        """The controller has lost its memory."""
-        self._left = self._unanswered = 0
-
     def begin_again(self) -> None:
-        """Whether the source has restarted is found out anew: its clock has jumped, or a joint state is damaged."""
+        """Whether the source has restarted is decided again: a clock has jumped, or a joint state is damaged."""
         self._unanswered = 0
 
-    def take(self, now_s: float, path: Any, answered: bool, good: bool) -> None:
-        """Judge a cycle that a joint state led to; path: GOVERNOR after it; good: whether that one must be answered."""
+    def take(self, now_s: float, answered: bool, good: bool) -> None:
+        """Judge a cycle; good: whether its joint state must be answered."""
         self._unanswered = 0 if answered else self._unanswered + good
         if self._unanswered == self.patience + 1:
             self.violations.append(f"{now_s:.3f} s: {self._unanswered} good joint states without an answer")
-        left = 0
-        if path.phase == Phase.SAMPLING:
-            left = 2 * GRID_POINTS - int(path.cursor)  # the pass comes after it
-        elif path.phase == Phase.BACKWARD:
-            left = int(path.cursor) + 1
-        done = self._left - left
-        self.largest_seen, self._left = max(self.largest_seen, done), left
-        if done > self.most:
-            self.violations.append(f"{now_s:.3f} s: one cycle plans {done} points")
 
 
 @dataclass

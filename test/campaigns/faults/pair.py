@@ -16,18 +16,13 @@ from slip_vic.scenarios.scenario import Scenario, load_scenario
 from slip_vic_controller.safety.modes import Request
 from slip_vic_controller.session.controller import Controller
 from slip_vic_controller.session.session import ControllerSession, Results
-from test.campaigns.faults.carriers import SampleCarrier
 from test.campaigns.faults.channel import DAMAGED, Channel
 from test.campaigns.faults.monitors import NS, CommandMonitor, SafeStateMonitor, TogetherMonitor, promised_ages
 from test.campaigns.faults.plan import (
-    BRIDGE,
-    CONTROLLER,
     DRIVES,
     EFFORT,
     JOINT,
-    ON_NODES,
     ON_TOPICS,
-    RECORDER,
     SLIP,
     TOPICS,
     WRENCH,
@@ -52,14 +47,7 @@ CASES = (
     *(("grip", side) for side in SIDES),
     ("request", ""),
 )  # fmt: skip
-"""Every (kind, target) there is, in process."""
-CASES_OVER_DDS = (
-    *CASES, *((kind, node) for kind in ON_NODES for node in (BRIDGE, CONTROLLER, RECORDER)),
-    *((kind, BRIDGE) for kind in ("reset", "clock_jump", "clock_stop", "cut")), ("disk_full", RECORDER),
-    ("gains", CONTROLLER), ("bad_parameter", CONTROLLER),
-    ("second_publisher", f"left/{JOINT}"), ("second_publisher", f"right/{EFFORT}"),
-)  # fmt: skip
-"""Those over DDS: as in process, and those of processes, network and graph."""
+"""Every (kind, target) there is."""
 
 
 def make_plan(seed: int, trial: int, interface: str = "") -> tuple[str, tuple[Fault, ...], str]:
@@ -104,7 +92,7 @@ class PairTrial:
         for i, name in enumerate(f"{side}/{topic}" for side in SIDES for topic in TOPICS):
             controller = list(self.scenario.controllers.values())[i // len(TOPICS)]
             self._channels[name] = Channel(
-                SampleCarrier(Wire(name.partition("/")[2], controller.joint_names, controller.ee_frame, interface)),
+                Wire(name.partition("/")[2], controller.joint_names, controller.ee_frame, interface),
                 tuple(fault for fault in faults if fault.target == name),
                 np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(trial, 2 + i))),
             )

@@ -1,4 +1,4 @@
-"""What goes wrong in a trial, and when: drawn from one seed, so that a trial can be made again from its number."""
+"""What goes wrong in a trial, and when: drawn from one seed, so that its number repeats a trial."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from slip_vic.scenarios.scenario import Law, Scenario, load_scenario
 
 JOINT, WRENCH, SLIP, EFFORT = "joint_states", "wrench", "slip_velocity", "effort_command"
 TOPICS = (JOINT, WRENCH, SLIP, EFFORT)
-BRIDGE, CONTROLLER, RECORDER = "bridge", "controller", "recorder"
+BRIDGE, CONTROLLER = "bridge", "controller"
 ON_TOPICS = (
     "drop", "duplicate", "delay", "reorder", "corrupt_values", "corrupt_bytes", "freeze_values", "freeze_message",
 )  # fmt: skip
@@ -34,6 +34,8 @@ MOST_NOISE, MOST_FRICTION, MOST_OFFSET = 0.01, 0.3, 0.2
 WITHOUT_WRENCH = 0.15
 """Share of the arms that have no wrench sensor."""
 PERIOD_S = 0.004
+GRIP_N = {"paper_planar": 2.0, "vertical_plane": 8.0, "glass_transport": 3.0}
+"""Grip forces that survive most faults."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,21 +83,13 @@ def retuned(values: Mapping[str, Any], size: float, arm: str = "") -> dict[str, 
 
 
 def all_faults() -> tuple[tuple[str, str], ...]:
-    """Return every (kind, target) there is, in process."""
+    """Return every (kind, target) there is."""
     cases = [(kind, topic) for kind in ON_TOPICS for topic in TOPICS]
     cases += [(kind, node) for kind in ON_NODES for node in (BRIDGE, CONTROLLER)]
     cases += [("wrong_names", JOINT), ("wrong_frame", WRENCH), ("wrong_frame", SLIP), ("reset", BRIDGE)]
     return (
         *cases, ("clock_jump", BRIDGE), ("clock_stop", BRIDGE), ("grip", ""), ("gains", CONTROLLER),
         ("request", CONTROLLER),
-    )  # fmt: skip
-
-
-def all_faults_over_dds() -> tuple[tuple[str, str], ...]:
-    """Return every (kind, target) there is over DDS: as in process, and those of processes, network and graph."""
-    return (
-        *all_faults(), ("kill", RECORDER), ("stop", RECORDER), ("disk_full", RECORDER), ("cut", BRIDGE),
-        ("bad_parameter", CONTROLLER), ("second_publisher", JOINT), ("second_publisher", EFFORT),
     )  # fmt: skip
 
 
@@ -221,3 +215,15 @@ def realtime_scenario(
         sensor="" if sensor == IDEAL else sensor, drive="" if drive == IDEAL else drive,
         estimator="observer" if observer else "measured",
     )  # fmt: skip
+
+
+def endless_scenario(plan: Plan) -> Scenario:
+    """Return a lemniscate without end, on a grip that survives most faults and that the governor is configured for."""
+    usual, grip_n = load_scenario(plan.scenario), GRIP_N[plan.scenario]
+    friction_n = usual.controller.governor.friction_limit * grip_n / usual.bridge.grip.force
+    assignments = (
+        f"bridge.grip.force={grip_n}", f"controller.governor.friction_limit={friction_n}", "bridge.wait_for=[]",
+        "controller.trajectory.kind=lemniscate", "controller.trajectory.duration_s=1e6",
+        "controller.trajectory.radius=0.06",
+    )  # fmt: skip
+    return realtime_scenario(plan.scenario, plan.observer, plan.controller, plan.sensor, assignments)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections import Counter
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache, partial
 from typing import Any
 
@@ -20,8 +20,6 @@ from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.plant import DivergenceError
 from slip_sim_bridge.session import BridgeSession
 from slip_vic.scenarios.scenario import Law, Scenario
-from slip_vic_controller.config import POINTS_PER_CYCLE
-from slip_vic_controller.cycle.governing import SAMPLES_PER_CYCLE
 from slip_vic_controller.params.node_params import ControllerNodeParams
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.session.controller import ArmController, Controller
@@ -29,17 +27,16 @@ from slip_vic_controller.session.cycle_result import CycleResult
 from slip_vic_controller.session.session import RETUNABLE
 from slip_vic_controller.sizes import MAX_JOINTS
 from slip_vic_controller.topics.arm import SLIP_DEPTH, STATE_DEPTH
-from test.campaigns.faults.carriers import SampleCarrier
 from test.campaigns.faults.channel import DAMAGED, Channel, Delivery
 from test.campaigns.faults.monitors import (
     LOST_M,
     NS,
     REST_AFTER_S,
+    AnswerMonitor,
     CommandMonitor,
     JointMonitor,
     Promise,
     SafeStateMonitor,
-    WorkMonitor,
     promised_ages,
 )
 from test.campaigns.faults.plan import (
@@ -81,7 +78,6 @@ class Outcome:
     recovery_s: float | None
     modes: Counter[str]
     commands: int
-    record: list[tuple[int, str, Any]] = field(default_factory=list)
     objects_lost: int = 0
 
 
@@ -171,11 +167,10 @@ class Trial:
 
     Args:
         plan: what happens.
-        keep: whether to keep every message, for a bag.
     """
 
-    def __init__(self, plan: Plan, *, keep: bool = False) -> None:
-        self._plan, self._keep = plan, keep
+    def __init__(self, plan: Plan) -> None:
+        self._plan = plan
         self.scenario, self._law = prepared(
             plan.scenario, plan.observer, plan.controller, plan.sensor, plan.drive, plan.task, plan.wrench
         )  # fmt: skip
@@ -184,7 +179,7 @@ class Trial:
         controller, safety = self.scenario.controller, self.scenario.controller.safety
         self._channels = {
             name: Channel(
-                SampleCarrier(Wire(name, controller.joint_names, controller.ee_frame, plan.interface)),
+                Wire(name, controller.joint_names, controller.ee_frame, plan.interface),
                 tuple(fault for fault in plan.faults if fault.target == name),
                 np.random.default_rng(np.random.SeedSequence(plan.seed, spawn_key=(plan.trial, 2 + i))),
             )
@@ -203,7 +198,7 @@ class Trial:
             joints_spoilt=any(fault.target == JOINT and fault.kind in DAMAGED for fault in plan.faults),
         )
         limits, unheeded = ({name: age_s + PERIOD_S for name, age_s in of.items()} for of in ages)
-        self._work = WorkMonitor(POINTS_PER_CYCLE + SAMPLES_PER_CYCLE, inputs.accept_after + 1)
+        self._work = AnswerMonitor(inputs.accept_after + 1)
         self._user = User(
             plan.task, np.random.default_rng(np.random.SeedSequence(plan.seed, spawn_key=(plan.trial, 10)))
         )
@@ -211,7 +206,6 @@ class Trial:
         self._stops = [fault for fault in plan.faults if fault.kind == "stop"]
         self._clock_stops = [fault for fault in plan.faults if fault.kind == "clock_stop"]
         self._modes: Counter[str] = Counter()
-        self._record: list[tuple[int, str, Any]] = []
         self._done: set[Fault] = set()
         self._controller_back = self._bridge_back = 0.0
         self._held = True  # by the bridge
@@ -230,9 +224,7 @@ class Trial:
         except Exception as error:  # whatever it is, it must not happen
             self._commands.violations.append(f"{type(error).__name__}: {error}")
         violations = self._commands.violations + self._joints.violations + self._safe.violations + self._work.violations
-        return Outcome(
-            self._plan, violations, self._recovered, self._modes, self._commands.commands, self._record, self._lost,
-        )  # fmt: skip
+        return Outcome(self._plan, violations, self._recovered, self._modes, self._commands.commands, self._lost)
 
     def _run(self) -> None:
         self._bridge = self._new_bridge(self._bridge_params, START_NS)
@@ -291,7 +283,7 @@ class Trial:
                 self._done.add(fault)
                 self._controller, self._controller_back = None, t + fault.duration_s + RESTART_S
                 self._commands.restarted()
-                self._work.restarted()
+                self._work.begin_again()
             elif fault.kind == "kill":
                 self._done.add(fault)
                 self._restart_bridge(t + fault.duration_s + RESTART_S)
@@ -373,8 +365,6 @@ class Trial:
         follows = controller is not None and controller.mode.follows and not self._stopped(CONTROLLER, t)
         true = self._bridge.simulation.observe(0).joint
         self._joints.take(t, true.effort, true.velocity, follows)
-        if self._keep:
-            self._record += [(self._now_ns, name, sample) for name, sample in sent]
 
     def _shifted(self, command: JointCommand | None) -> JointCommand | None:
         """Return a command with its stamp on the simulation's clock."""
@@ -403,7 +393,7 @@ class Trial:
             good = delivery.clean and delivery.sample.stamp_ns > self._newest_stamp_ns
             if good:
                 self._newest_stamp_ns = delivery.sample.stamp_ns
-            self._work.take(t, controller.session.task.governor, result is not None, good)
+            self._work.take(t, result is not None, good)
             self._answer(result, t)
         self._answer(self._controller.watchdog(now_ns), t)
         mode, answered = controller.mode, self._commands.commands > commands
@@ -426,9 +416,6 @@ class Trial:
         starts = partial(starts_of, self._controller, result.joint)
         self._commands.take(self._now_ns, result.command.numbers, starts, result.joint.stamp_ns)
         self._channels[EFFORT].send(result.command, t, self._now_ns)
-        if self._keep:
-            self._record.append((self._now_ns, EFFORT, result.command))
-            self._record.append((self._now_ns, "controller/mode", f"{result.mode.name}: {result.reason}"))
 
 
 def promise_of(arm: ArmController, period_s: float) -> Promise:

@@ -22,8 +22,8 @@ from slip_vic.run.node_command import node_command, run_parameters
 from slip_vic.run.processes import Child, ProcessGroup, child_environment
 from slip_vic.run.recording import recorder_command
 from slip_vic.scenarios.scenario import Scenario, load_scenario
+from test.campaigns.operator import Operator, operator_of
 from test.campaigns.soak.growth import Limits, ProcessGrowth, Sample, growth_of
-from test.campaigns.soak.operator import Operator, operator_of
 
 START_S = 30.0
 SAMPLES = 360

@@ -12,7 +12,7 @@ import psutil
 import pytest
 
 from slip_msgs_py.environment import PROFILES, RANGE
-from test.campaigns.faults.network import own_network
+from test.campaigns.attacks.network import own_network
 from test.support.ros import Processes
 from test.system.nodes.test_modes import BRIDGE_ENDLESS, CONTROLLER_SLOW, Watcher, start, watcher  # noqa: F401
 
@@ -41,7 +41,7 @@ def test_nodes_listen_on_the_loopback_interface_only(watcher: Watcher, start: An
 @pytest.mark.parametrize("reach", [None, "LOCALHOST"])
 def test_a_node_of_others_on_this_machine_hears_ours(processes: Processes, reach: str | None) -> None:
     """It has shared memory too, and sockets on every interface."""
-    processes.python("ours", "-m", "test.campaigns.faults.flood", "wrench", "50", "60")
+    processes.python("ours", "-m", "test.campaigns.attacks.flood", "wrench", "50", "60")
     for name in (RANGE, *PROFILES):
         processes.environment.pop(name, None)
     if reach is not None:

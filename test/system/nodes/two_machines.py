@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 from slip_msgs_py.environment import PROFILES, RANGE
-from test.campaigns.faults.network import Cable
+from test.campaigns.attacks.network import Cable
 
 SPEAKS_S, RATE_HZ = "30", "50"
 STRANGER = Path(__file__).with_name("stranger.py")
@@ -22,7 +22,7 @@ def main() -> None:
     with Cable() as cable:
         speakers = [
             subprocess.Popen(
-                [sys.executable, "-m", "test.campaigns.faults.flood", topic, RATE_HZ, SPEAKS_S],
+                [sys.executable, "-m", "test.campaigns.attacks.flood", topic, RATE_HZ, SPEAKS_S],
                 env={**unset, RANGE: reach},
             )
             for topic, reach in (("joint_states", "LOCALHOST"), ("wrench", "SUBNET"))

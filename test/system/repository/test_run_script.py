@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from test.campaigns.faults.network import INSIDE
+from test.campaigns.attacks.network import INSIDE
 
 ROOT = Path(__file__).parents[3]
 BY_FILE = "--dist loadfile --no-loadscope-reorder"

@@ -19,9 +19,9 @@ from std_srvs.srv import Trigger
 from slip_msgs_py.messages import to_msgs
 from slip_msgs_py.qos import create_publisher
 from slip_vic.run.domain import domain_id
+from test.campaigns.operator import STEPS, operator_of
 from test.campaigns.soak.cli import soak
 from test.campaigns.soak.growth import Limits, Sample, growth_of, robust_slope
-from test.campaigns.soak.operator import STEPS, operator_of
 from test.campaigns.soak.run import sample_process
 
 LEAK = """

@@ -12,24 +12,23 @@ import pytest
 
 from slip_vic.cli import cli
 from test.campaigns.cli import campaigns
-from test.support.every import every
 from test.support.pages import OURS, PAGES, ROOT, commands_of, shown_commands
 
 
-@every("page", PAGES)
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_every_link_leads_to_a_file(page: Path) -> None:
     for target in re.findall(r"\]\(([^)#]+)\)", page.read_text()):
         assert target.startswith("http") or (page.parent / target).exists(), target
 
 
-@every("page", PAGES)
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_every_named_file_of_the_repository_exists(page: Path) -> None:
     pattern = r"`((?:src|test|config|docs|bags|tools)/[\w./-]+)`"
     for name in re.findall(pattern, page.read_text()):
         assert (ROOT / name).exists(), name
 
 
-@every("page", PAGES)
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_every_named_module_exists(page: Path) -> None:
     """Also where a page gives only the end of its path, such as `law/gains.py`."""
     known = [

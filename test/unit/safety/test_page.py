@@ -1,4 +1,4 @@
-"""The safety page says what the code does."""
+"""The safety page has the reaction table and the modes of the code."""
 
 from __future__ import annotations
 

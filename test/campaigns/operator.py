@@ -1,30 +1,34 @@
-"""Who stands beside a long run: puts back an object that was lost, and resets the fault where one was latched."""
+"""The operator beside nodes that run: puts back an object that was lost, and ends a fault that lasts."""
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 from slip_msgs_py.environment import choose_transport
 from slip_msgs_py.qos import create_subscription
 from test.campaigns.faults.monitors import LOST_M
 
-PATIENCE_S = 2.0  # a fault is looked at before it is reset
+PATIENCE_S = 2.0  # a fault is observed before it is reset
 AGAIN_S = 1.0
 LOOK_S = 0.02
 STEPS = (("slip_sim_bridge", "reset"), ("slip_vic_controller", "reset_fault"), ("slip_vic_controller", "enable"))
 
 
 class Operator:
-    """Follows mode and object. An object that has left the pads is put back by a reset of the simulation, and a FAULT
-    that lasts is ended: simulation reset, fault reset, law enabled, a second apart.
+    """Follows mode and object.
+
+    An object that has left the pads is put back by a reset of the simulation, and a FAULT that lasts is ended:
+    simulation reset, fault reset, law enabled, a second apart.
 
     Args:
         node: an rclpy node of the operator's own.
@@ -32,42 +36,55 @@ class Operator:
     """
 
     def __init__(self, node: Any, executor: Any) -> None:
-        self.executor = executor
+        self.node, self.executor = node, executor
         self._clients = {
             (owner, service): node.create_client(Trigger, f"{owner}/{service}") for owner, service in STEPS
         }
-        self._subscription = create_subscription(node, "controller/mode", self._on_mode, depth=1, reliable=True)
-        self._truth = create_subscription(node, "slip_truth", self._on_truth, depth=1, reliable=False)
+        create_subscription(node, "controller/mode", self._on_mode, depth=1, reliable=True)
+        create_subscription(node, "slip_truth", self._on_truth, depth=1, reliable=False, raw=True)
         self.mode = ""
+        self.modes: set[str] = set()
         self.faults: list[str] = []
         self.objects_lost = 0
+        self.helps = True
         self._put_back_s = -math.inf
         self._steps: list[tuple[str, str]] = []
-        self._next_s = 0.0
+        self._next_s = self._next_look_s = 0.0
 
     def _on_mode(self, message: Any) -> None:
         mode, _, reason = message.data.partition(": ")
         if mode == "FAULT" and self.mode != "FAULT":
             self.faults.append(reason)
-            self._steps, self._next_s = list(STEPS), time.monotonic() + PATIENCE_S
+            self.restart(PATIENCE_S)
         self.mode = mode
+        self.modes.add(mode)
 
-    def _on_truth(self, message: Any) -> None:
+    def _on_truth(self, data: bytes) -> None:
         now = time.monotonic()
+        if now < self._next_look_s:
+            return
+        self._next_look_s = now + LOOK_S
+        message = deserialize_message(data, JointState)
         if max(map(abs, message.position[:3]), default=0.0) > LOST_M and now - self._put_back_s > AGAIN_S:
             self.objects_lost += 1
             self._put_back_s = now
             self._clients[STEPS[0]].call_async(Trigger.Request())
 
-    def attend(self, seconds: float) -> None:
-        """Hear what comes for so long, and do the next step where one is due."""
+    def restart(self, after_s: float = 0.0) -> None:
+        """Begin the steps that end a fault."""
+        self._steps, self._next_s = list(STEPS), time.monotonic() + after_s
+
+    def attend(self, seconds: float, until: Callable[[], bool] = lambda: False) -> bool:
+        """Process messages for this long or until a condition holds, and do the steps that are due; return whether it
+        held.
+        """
         end = time.monotonic() + seconds
-        while (left := end - time.monotonic()) > 0.0:
-            self.executor.spin_once(timeout_sec=left)
-            time.sleep(min(LOOK_S, max(0.0, end - time.monotonic())))  # the truth comes in every tick
-        if self._steps and time.monotonic() >= self._next_s:
-            self._clients[self._steps.pop(0)].call_async(Trigger.Request())
-            self._next_s = time.monotonic() + AGAIN_S
+        while not (held := until()) and (left := end - time.monotonic()) > 0.0:
+            self.executor.spin_once(timeout_sec=min(left, LOOK_S))
+            if self.helps and self._steps and time.monotonic() >= self._next_s:
+                self._clients[self._steps.pop(0)].call_async(Trigger.Request())
+                self._next_s = time.monotonic() + AGAIN_S
+        return held
 
 
 @contextmanager

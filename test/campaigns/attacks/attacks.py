@@ -1,22 +1,19 @@
-"""What somebody who means harm can do to running nodes, each attack a function of the `Stage` it happens on.
+"""What an attacker on the same network can do to running nodes: each attack is a function of the `Stage`.
 
-None of them lasts longer than some seconds; what comes after is the suite's (`attack_suite`).
+An attack lasts some seconds; the suite observes what follows.
 """
 
 from __future__ import annotations
 
 import math
 import os
-import resource
 import signal
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-import psutil
 import rclpy
 from geometry_msgs.msg import WrenchStamped
 from lifecycle_msgs.msg import Transition
@@ -24,15 +21,17 @@ from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from slip_vic.run.node_command import node_command
 from slip_vic.run.processes import python_module
-from test.campaigns.faults.flood import FOREIGN, message
-from test.campaigns.faults.plan import BRIDGE, CONTROLLER, Fault
+from test.campaigns.attacks.flood import FOREIGN, message
+from test.campaigns.faults.plan import BRIDGE, CONTROLLER
+
+if TYPE_CHECKING:
+    from test.campaigns.attacks.suite import Stage
 
 FLOOD_HZ, FLOOD_S = 20_000, 3.0
 STOP_S = 5.0
@@ -42,34 +41,10 @@ CALM_S = 1.0  # after which the nodes take calls of services again
 STARTS_S = 6.0  # what a second system needs to start
 NODES: Final = {CONTROLLER: "slip_vic_controller", BRIDGE: "slip_sim_bridge"}
 LARGEST_SEC = 2**31 - 1
-"""A stamp's seconds have 32 bits: the year 2038 is as far as it goes, 2262 is that of 64-bit nanoseconds."""
+"""A stamp has 32 bits for seconds, so it ends in 2038."""
 
-
-class Stage(Protocol):
-    """Where an attack happens: nodes that run, and a node of ours on the same domain."""
-
-    node: Any
-    scenario: Any
-    folder: Path
-
-    def go_on(self, seconds: float, until: Callable[[], bool] = lambda: False) -> bool:
-        """Let time pass, with everything that belongs to the nodes; return whether `until` came true."""
-
-    def pid(self, name: str) -> int:
-        """Return the process id of controller or bridge."""
-
-    def start(self, name: str, argv: Sequence[str]) -> Any:
-        """Start a process beside the nodes; it ends with the attack."""
-
-    def suffer(self, fault: Fault) -> None:
-        """Let a fault of the campaign happen to what travels, beginning now."""
-
-    def load_changes(self) -> None:
-        """Say that what the arm carries, or is told to carry, may have changed: it rests a second after that."""
-
-
-Attack = Callable[[Stage], str]
-"""Returns what is worth knowing of how it went; an empty text else."""
+Attack = Callable[["Stage"], str]
+"""Returns a note on what happened, or an empty text."""
 
 
 @contextmanager
@@ -77,7 +52,7 @@ def _publisher(stage: Stage, topic: str, kind: Any) -> Iterator[Any]:
     attacker = Node("attacker", start_parameter_services=False, enable_rosout=False)
     try:
         publisher = attacker.create_publisher(kind, topic, 10)
-        stage.go_on(1.0, lambda: publisher.get_subscription_count() > 0)
+        stage.wait(1.0, lambda: publisher.get_subscription_count() > 0)
         yield publisher
     finally:
         attacker.destroy_node()
@@ -85,9 +60,9 @@ def _publisher(stage: Stage, topic: str, kind: Any) -> Iterator[Any]:
 
 def _flood(topic: str) -> Attack:
     def flood(stage: Stage) -> str:
-        words = python_module("test.campaigns.faults.flood", topic, str(FLOOD_HZ), str(FLOOD_S))
+        words = python_module("test.campaigns.attacks.flood", topic, str(FLOOD_HZ), str(FLOOD_S))
         child = stage.start("flood", words)
-        stage.go_on(60.0, lambda: child.exit_code is not None)
+        stage.wait(60.0, lambda: child.exit_code is not None)
         child.wait(1.0)
         return str(child.lines[-1]) if child.lines else ""
 
@@ -107,7 +82,7 @@ def giants(stage: Stage) -> str:
         with _publisher(stage, topic, kind) as publisher:
             for _ in range(5):
                 publisher.publish(made)
-                stage.go_on(0.1)
+                stage.wait(0.1)
     return ""
 
 
@@ -119,19 +94,7 @@ def years(stage: Stage) -> str:
             made.header.stamp.sec = (0, LARGEST_SEC, -LARGEST_SEC)[k % 3]
             made.header.stamp.nanosec = (0, 999_999_999)[k % 2]
             publisher.publish(made)
-            stage.go_on(0.005)
-    return ""
-
-
-def orders(stage: Stage) -> str:
-    """Joint states whose joints stand in another order each time."""
-    rng, made = np.random.default_rng(16), message("joint_states")
-    with _publisher(stage, "joint_states", JointState) as publisher:
-        for _ in range(200):
-            made.header.stamp.sec, made.header.stamp.nanosec = divmod(time.time_ns(), 1_000_000_000)
-            made.name = [made.name[i] for i in rng.permutation(7)]
-            publisher.publish(made)
-            stage.go_on(0.005)
+            stage.wait(0.005)
     return ""
 
 
@@ -148,7 +111,7 @@ def wrong_types(stage: Stage) -> str:
         for _ in range(100):
             for publisher in publishers:
                 publisher.publish(String(data="x"))
-            stage.go_on(0.01)
+            stage.wait(0.01)
     finally:
         attacker.destroy_node()
         rclpy.try_shutdown(context=context)
@@ -170,10 +133,8 @@ def parameters(stage: Stage) -> str:
                 request.parameters.append(Parameter(name, value=value if value != [] else None).to_parameter_msg())
             newest[client] = client.call_async(request)
             calls += 1
-        stage.load_changes()
-        stage.go_on(0.002)
-    stage.go_on(ANSWERED_S, lambda: all(future.done() for future in newest.values()))
-    stage.load_changes()  # a busy machine sets the last of them later
+        stage.wait(0.002)
+    stage.wait(ANSWERED_S, lambda: all(future.done() for future in newest.values()))
     for client in clients:
         stage.node.destroy_client(client)
     return f"{calls} calls"
@@ -183,15 +144,15 @@ def lifecycle(stage: Stage) -> str:
     """Any transition at any time, but for those that ask the node to end; at last it is configured and activated."""
     rng = np.random.default_rng(16)
     client = stage.node.create_client(ChangeState, "/slip_vic_controller/change_state")
-    stage.go_on(5.0, client.service_is_ready)
+    stage.wait(5.0, client.service_is_ready)
 
     def change(number: int, patience_s: float) -> None:
         future = client.call_async(ChangeState.Request(transition=Transition(id=number)))
-        stage.go_on(patience_s, future.done)
+        stage.wait(patience_s, future.done)
 
     for _ in range(60):
         change(int(rng.choice((0, 1, 2, 3, 4, 8, 10, 30, 97, 98, 99, 255))), 1.0)
-    stage.go_on(CALM_S)
+    stage.wait(CALM_S)
     for number in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE):
         change(number, 5.0)
     stage.node.destroy_client(client)
@@ -203,7 +164,7 @@ def storm(stage: Stage) -> str:
     rng, calls, futures = np.random.default_rng(28), 0, []
     change = stage.node.create_client(ChangeState, "/slip_vic_controller/change_state")
     set_ = stage.node.create_client(SetParameters, "/slip_vic_controller/set_parameters")
-    stage.go_on(5.0, lambda: change.service_is_ready() and set_.service_is_ready())
+    stage.wait(5.0, lambda: change.service_is_ready() and set_.service_is_ready())
     end = time.monotonic() + STORM_S
     while time.monotonic() < end:
         # What comes alone is an operator's wish: the first ones do not end the node.
@@ -212,11 +173,11 @@ def storm(stage: Stage) -> str:
         futures.append(change.call_async(ChangeState.Request(transition=Transition(id=number))))
         futures.append(set_.call_async(SetParameters.Request(parameters=[gain])))
         calls += 2
-        stage.go_on(0.002)
-    stage.go_on(CALM_S)
+        stage.wait(0.002)
+    stage.wait(CALM_S)
     for number in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE):
         done = change.call_async(ChangeState.Request(transition=Transition(id=number)))
-        stage.go_on(5.0, done.done)
+        stage.wait(5.0, done.done)
     for client in (change, set_):
         stage.node.destroy_client(client)
     return f"{calls} calls, {sum(future.done() for future in futures)} answered"
@@ -234,62 +195,21 @@ def giant_requests(stage: Stage) -> str:
             (GetParameters, "get_parameters", GetParameters.Request(names=["gains.k_s"] * 100_000)),
         ):
             client = stage.node.create_client(kind, f"/{node}/{name}")
-            stage.go_on(5.0, client.service_is_ready)
+            stage.wait(5.0, client.service_is_ready)
             future, began = client.call_async(request), time.monotonic()
-            stage.go_on(20.0, future.done)
+            stage.wait(20.0, future.done)
             slowest = max(slowest, time.monotonic() - began)
             stage.node.destroy_client(client)
     return f"answered within {slowest:.2f} s"
 
 
-def _stopped(name: str) -> Attack:
-    def stop(stage: Stage) -> str:
-        os.kill(stage.pid(name), signal.SIGSTOP)
-        try:
-            stage.go_on(STOP_S)
-        finally:
-            os.kill(stage.pid(name), signal.SIGCONT)
-        return ""
-
-    return stop
-
-
-def memory(stage: Stage) -> str:
-    """The controller may take no more memory than it has, while messages of a million numbers arrive."""
-    pid, size = stage.pid(CONTROLLER), psutil.Process(stage.pid(CONTROLLER)).memory_info().vms
-    before = resource.prlimit(pid, resource.RLIMIT_AS)
-    resource.prlimit(pid, resource.RLIMIT_AS, (size + (1 << 20), before[1]))
+def stop_controller(stage: Stage) -> str:
+    """The controller is stopped for five seconds (SIGSTOP)."""
+    os.kill(stage.pid(CONTROLLER), signal.SIGSTOP)
     try:
-        with _publisher(stage, "joint_states", JointState) as publisher:
-            for _ in range(5):
-                publisher.publish(JointState(position=np.zeros(1_000_000)))
-                stage.go_on(0.3)
+        stage.wait(STOP_S)
     finally:
-        resource.prlimit(pid, resource.RLIMIT_AS, before)
-    return ""
-
-
-def another_system(stage: Stage) -> str:
-    """A second bridge and controller in a namespace of their own, on the same domain."""
-    started = []
-    for name in (CONTROLLER, BRIDGE):
-        folder = stage.folder / f"other_{name}"
-        folder.mkdir(exist_ok=True)
-        argv = node_command(name, getattr(stage.scenario, name), folder, "-r", "__ns:=/other")
-        started.append(stage.start(f"other {name}", argv))
-    stage.go_on(STARTS_S)
-    return "" if all(child.exit_code is None for child in started) else "the other system ended"
-
-
-def clock_back(stage: Stage) -> str:
-    """The bridge's clock is set back by ten seconds; and /clock says what it wants."""
-    stage.suffer(Fault("clock_jump", BRIDGE, 0.0, 1.0, size=0.125))
-    with _publisher(stage, "/clock", Clock) as publisher:
-        for k in range(100):
-            made = Clock()
-            made.clock.sec = LARGEST_SEC if k % 2 else 0
-            publisher.publish(made)
-            stage.go_on(0.01)
+        os.kill(stage.pid(CONTROLLER), signal.SIGCONT)
     return ""
 
 
@@ -298,7 +218,7 @@ def second_controller(stage: Stage) -> str:
     folder = stage.folder / "second"
     folder.mkdir(exist_ok=True)
     stage.start("second controller", node_command(CONTROLLER, stage.scenario.controller, folder))
-    stage.go_on(STARTS_S)
+    stage.wait(STARTS_S)
     return ""
 
 
@@ -310,32 +230,24 @@ def foreign_efforts(stage: Stage) -> str:
             made.header.stamp.sec, made.header.stamp.nanosec = divmod(time.time_ns(), 1_000_000_000)
             made.effort = (rng.choice((-1e3, 1e3), 7) if k % 10 else np.full(7, math.nan)).tolist()
             publisher.publish(made)
-            stage.go_on(0.005)
+            stage.wait(0.005)
     return ""
 
 
 ATTACKS: Final[dict[str, Attack]] = {
     "20 kHz of joint states": _flood("joint_states"),
-    "20 kHz of wrenches": _flood("wrench"),
     "20 kHz of effort commands": _flood("effort_command"),
     "giant arrays and texts": giants,
     "stamps of 1970 and 2038": years,
-    "joint orders that alternate": orders,
     "our names with wrong types": wrong_types,
     "parameter storm": parameters,
     "random lifecycle": lifecycle,
     "transitions and parameters at once": storm,
     "giant requests": giant_requests,
-    "SIGSTOP of the controller, 5 s": _stopped(CONTROLLER),
-    "SIGSTOP of the bridge, 5 s": _stopped(BRIDGE),
-    "memory limit of the controller": memory,
-    "domain shared with another system": another_system,
-    "clock set back": clock_back,
+    "SIGSTOP of the controller, 5 s": stop_controller,
     "second controller": second_controller,
     "foreign efforts": foreign_efforts,
 }
 """By the name in the table."""
-CHANGES: Final = ("parameter storm", "transitions and parameters at once")
-"""What leaves nodes behind that are not as they were: grip and gains."""
 TWO_SOURCES: Final = ("second controller",)
 """Where commands of ours alternate with each other's: only each by itself can be judged."""

@@ -11,8 +11,6 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
-from slip_msgs_py.environment import PROFILES, RANGE
-
 INSIDE = "SLIP_VIC_NETWORK"
 _NEAR, _FAR = "svcable", "svplant"
 _START_S = 5.0
@@ -33,18 +31,6 @@ def own_network() -> list[str]:
     words = ["unshare", *([] if os.geteuid() == 0 else ["--user", "--map-root-user"]), "--net", "--"]
     tools = all(shutil.which(tool) for tool in ("unshare", "nsenter", "ip"))
     return words if tools and _quietly([*words, "ip", "link", "set", "lo", "up"]) else []
-
-
-def is_own() -> bool:
-    """Return whether this process is in a network namespace of its own."""
-    return os.environ.get(INSIDE) == "yes"
-
-
-def allow_other_machines() -> None:
-    """Let the nodes that start from now on be found through a cable."""
-    os.environ[RANGE] = "SUBNET"
-    for name in PROFILES:
-        os.environ.pop(name, None)
 
 
 class Cable:
@@ -86,14 +72,6 @@ class Cable:
     def behind(self, argv: Sequence[str]) -> list[str]:
         """Return the command that runs behind the cable."""
         return ["nsenter", "--target", str(self._holder.pid), "--net", "--", *argv]
-
-    def cut(self) -> None:
-        """Take the cable out."""
-        _run(["ip", "link", "set", _NEAR, "down"])
-
-    def mend(self) -> None:
-        """Put it in again."""
-        _run(["ip", "link", "set", _NEAR, "up"])
 
 
 def _run(argv: Sequence[str]) -> None:

@@ -1,4 +1,4 @@
-"""Publish one topic as fast as is told: ``python -m test.campaigns.faults.flood TOPIC HZ SECONDS``."""
+"""Publish one topic at a given rate: ``python -m test.campaigns.attacks.flood TOPIC HZ SECONDS``."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def message(name: str) -> Any:
 
 
 def main(name: str, rate_hz: float, seconds: float) -> int:
-    """Publish; print how many messages a second it came to."""
+    """Publish; print the rate that was reached."""
     choose_transport()
     rclpy.init(args=[])
     node = rclpy.create_node("flood", start_parameter_services=False, enable_rosout=False)

@@ -1,0 +1,1 @@
+"""Attack suite: what an attacker on the same network can do to the running nodes."""

@@ -1,0 +1,242 @@
+"""The attack suite: controller and bridge as processes over DDS, one attack on fresh nodes at a time, one row each."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import json
+import signal
+import tempfile
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import psutil
+import rclpy
+from numpy.typing import NDArray
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from slip_core.errors import ProtocolError
+from slip_msgs_py.environment import choose_transport
+from slip_msgs_py.qos import create_subscription
+from slip_vic.run.domain import domain_id
+from slip_vic.run.node_command import node_command
+from slip_vic.run.prepare import prepare
+from slip_vic.run.processes import Child, ProcessGroup, child_environment
+from slip_vic.scenarios.scenario import Scenario
+from slip_vic_controller.arm.robot import Robot
+from test.campaigns.attacks.attacks import ATTACKS, TWO_SOURCES
+from test.campaigns.attacks.flood import FOREIGN
+from test.campaigns.faults.monitors import NS, ROUNDING
+from test.campaigns.faults.plan import BRIDGE, CONTROLLER, EFFORT, PERIOD_S, Plan, endless_scenario
+from test.campaigns.faults.wire import Wire
+from test.campaigns.operator import Operator
+
+START_S = 60.0
+SETTLED_S = 0.5
+ALONE_S = 2.0  # without help after an attack
+BACK_S = 30.0  # with an operator's help
+MIB = 1 << 20
+USUAL: Final = Plan(0, 0, "paper_planar", True, "vic", ())
+FOLLOWS: Final = ("ACTIVE", "DEGRADED")
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Row:
+    """Result of one attack.
+
+    Attributes:
+        attack: its name.
+        violations: commands that break the promise.
+        alive: whether controller and bridge still run.
+        worst_mode: the mode furthest from ACTIVE.
+        lines_per_s: log lines of both nodes.
+        grown_mib: memory that both nodes gained [MiB].
+        recovery_s: from the end of the attack until the law is active again [s]; None: it did not return.
+        helped: whether an operator had to reset a fault or to enable the law.
+        note: what the attack reports.
+    """
+
+    attack: str
+    violations: tuple[str, ...]
+    alive: bool
+    worst_mode: str
+    lines_per_s: float
+    grown_mib: float
+    recovery_s: float | None
+    helped: bool
+    note: str
+
+    @property
+    def kept(self) -> bool:
+        """Whether every command was good, both nodes live, and the law returned."""
+        return not self.violations and self.alive and self.recovery_s is not None
+
+
+class CommandWatch:
+    """Judges the controller's commands: finite, inside the limits, no step above the slope of a longest cycle.
+
+    Args:
+        scenario: of the nodes.
+        effort_rate: allowed slope [N m/s]; None takes the controller's own limit.
+    """
+
+    def __init__(self, scenario: Scenario, effort_rate: float | None) -> None:
+        params = scenario.controller
+        limits = params.safety.limits
+        self._wire = Wire(EFFORT, params.joint_names, params.ee_frame)
+        self._most = Robot(scenario.urdf, params.ee_frame, params.joint_names, params.gravity).effort_limit
+        self._step = (limits.effort_rate if effort_rate is None else effort_rate) * limits.longest_step_s
+        self._pause_s = limits.restart_after_s
+        self._last: tuple[float, NDArray[np.float64]] | None = None
+        self.violations: list[str] = []
+        self.commands = 0
+        self.judges_steps = True
+
+    def take(self, data: bytes) -> None:
+        """Judge a command, unless an attacker sent it."""
+        if FOREIGN.encode() in data:
+            return
+        message = self._wire.typed(data)
+        effort = np.array(message.effort)
+        stamp_s = message.header.stamp.sec + NS * message.header.stamp.nanosec
+        if len(effort) == 0:
+            self._last = None
+            return
+        self.commands += 1
+        if effort.shape != self._most.shape or not np.isfinite(effort).all() or (np.abs(effort) > self._most).any():
+            self.violations.append(f"{stamp_s:.3f} s: command {effort.tolist()}")
+            self._last = None
+            return
+        if self._last is not None and self.judges_steps:
+            passed_s = stamp_s - self._last[0]
+            cycles = max(1.0, round(passed_s / PERIOD_S))  # more than one: a message did not reach this monitor
+            step = float(np.abs(effort - self._last[1]).max())
+            if passed_s <= self._pause_s and step > cycles * self._step + ROUNDING:
+                self.violations.append(f"{stamp_s:.3f} s: effort steps by {step:.3f} N m")
+        self._last = (stamp_s, effort)
+
+
+class Stage:
+    """Controller and bridge of one attack, with an operator and a node of ours on the same domain.
+
+    Args:
+        node: rclpy node of the default context.
+        executor: runs its callbacks.
+        group: owner of the processes.
+        environment: of the processes.
+        folder: for parameter files.
+        effort_rate: as for `CommandWatch`.
+    """
+
+    def __init__(
+        self, node: Node, executor: Any, group: ProcessGroup, environment: dict[str, str], folder: Path,
+        effort_rate: float | None = None,
+    ) -> None:  # fmt: skip
+        self.node, self.folder, self.scenario = node, folder, endless_scenario(USUAL)
+        self._group, self._environment = group, environment
+        self.watch = CommandWatch(self.scenario, effort_rate)
+        self.operator = Operator(node, executor)
+        create_subscription(node, EFFORT, self.watch.take, depth=1000, reliable=True, raw=True)
+        self._nodes = {
+            name: self.start(name, node_command(name, getattr(self.scenario, name), folder))
+            for name in (CONTROLLER, BRIDGE)
+        }
+
+    def wait(self, seconds: float, until: Callable[[], bool] = lambda: False) -> bool:
+        """Process messages for this long or until a condition holds; return whether it held."""
+        return self.operator.attend(seconds, until)
+
+    def pid(self, name: str) -> int:
+        """Return the process id of controller or bridge."""
+        return self._nodes[name].pid
+
+    def start(self, name: str, argv: Sequence[str]) -> Child:
+        """Start a process on the same domain."""
+        return self._group.start(name, argv, self._environment, lambda *_: None)
+
+    def attack(self, name: str) -> Row:
+        """Wait for the law, run one attack, and observe what follows.
+
+        Raises:
+            ProtocolError: the law did not become active before the attack.
+        """
+        operator = self.operator
+        if not self.wait(START_S, lambda: operator.mode in FOLLOWS):
+            tails = "\n".join(f"{child.name}:\n{child.tail()}" for child in self._nodes.values())
+            raise ProtocolError(f"the law is not active within {START_S:g} s\n{tails}")
+        self.wait(SETTLED_S)
+        operator.helps, operator.modes = False, {operator.mode}
+        self.watch.judges_steps = name not in TWO_SOURCES
+        memory, lines, began = self._memory(), self._lines(), time.monotonic()
+        note = ATTACKS[name](self)
+        for guest in self._group.children:
+            if guest not in self._nodes.values():
+                guest.send(signal.SIGKILL)
+                guest.wait(5.0)
+        ended = time.monotonic()
+        helped = not self._returns(ALONE_S)
+        if helped:
+            operator.helps = True
+            operator.restart()
+        recovery_s = time.monotonic() - ended if not helped or self._returns(BACK_S) else None
+        rate = (self._lines() - lines) / (time.monotonic() - began)
+        deaths = [
+            f"{child.name} ended with exit code {child.exit_code}:\n{child.tail()}"
+            for child in self._nodes.values()
+            if child.exit_code is not None
+        ]
+        return Row(
+            attack=name, violations=(*self.watch.violations, *deaths), alive=not deaths,
+            worst_mode=max(operator.modes, key=("", "ACTIVE", "DEGRADED", "HOLD", "WAITING_INPUT", "FAULT").index),
+            lines_per_s=rate, grown_mib=float("nan") if deaths else self._memory() - memory,
+            recovery_s=recovery_s, helped=helped, note=note,
+        )  # fmt: skip
+
+    def _returns(self, seconds: float) -> bool:
+        """Return whether the law is active and gives commands after a settling time, within so many seconds."""
+        self.wait(SETTLED_S)
+        before = self.watch.commands
+        return self.wait(seconds, lambda: self.operator.mode in FOLLOWS and self.watch.commands > before)
+
+    def _memory(self) -> float:
+        return sum(psutil.Process(child.pid).memory_info().rss for child in self._nodes.values()) / MIB
+
+    def _lines(self) -> int:
+        return sum(child.line_count for child in self._nodes.values())
+
+
+@contextlib.contextmanager
+def stage(effort_rate: float | None = None) -> Iterator[Stage]:
+    """Give fresh nodes in a domain of their own."""
+    prepare()  # otherwise both nodes compile at the same time
+    choose_transport()
+    with domain_id() as domain, tempfile.TemporaryDirectory(prefix="slip_vic_attacks_") as folder:
+        rclpy.init(args=[], domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
+        node = Node("attacks", start_parameter_services=False, enable_rosout=False)
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        try:
+            with ProcessGroup() as group:
+                yield Stage(node, executor, group, child_environment(domain), Path(folder), effort_rate)
+        finally:
+            executor.shutdown()
+            node.destroy_node()
+            rclpy.try_shutdown()
+
+
+def run_attacks(names: Iterable[str], out: Path, on_done: Callable[[Row], None]) -> list[Row]:
+    """Run attacks one after the other, each on fresh nodes; write attacks.json."""
+    rows = []
+    for name in names:
+        with stage() as attacked:
+            rows.append(attacked.attack(name))
+        out.mkdir(parents=True, exist_ok=True)
+        text = json.dumps([dataclasses.asdict(row) | {"kept": row.kept} for row in rows], indent=1)
+        (out / "attacks.json").write_text(text + "\n", encoding="utf-8")
+        on_done(rows[-1])
+    return rows
