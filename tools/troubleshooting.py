@@ -56,7 +56,7 @@ TO_DO = {
     Cause.LATE_VELOCITIES: "The driver filters joint velocities: nothing is lost, but tell it, because estimate and margins follow from it.",
     Cause.HALTED: "More grip or friction, a lighter object or another path. Where it cannot be: `governor.friction: known`.",
     Cause.JOINT: "Check this joint's encoder, its sign and its driver; after a collision clear the arm. Where efforts are "
-    "late set `drive.delay_s`. `joint_state.md` lists what is found and by which limit. Then `~/reset_fault`.",
+    "late set `drive.delay_s`. Then `~/reset_fault`.",
     Cause.GIVEN_UP: "Object or contact differ from the configuration: check `object.mass`, `contacts.position` and the wrench's frame.",
 }
 """What a user does about a reason."""

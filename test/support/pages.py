@@ -7,7 +7,9 @@ import shlex
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+EVIDENCE = ROOT / "docs" / "evidence.md"
+"""Generated from tables whose commands belong to the commits in their rows."""
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(set((ROOT / "docs").glob("*.md")) - {EVIDENCE})]
 OURS = ("./run", "slip-vic")
 _BLOCK = re.compile(r"^```\w*\n(.*?)^```", flags=re.S | re.M)
 _INDENTED = re.compile(r"(?:(?<=\n\n)|(?<=\A))((?: {4}\S.*\n)+)")

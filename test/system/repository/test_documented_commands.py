@@ -41,11 +41,13 @@ NEEDS_MORE = ("--mode realtime", "--out docs", "--video")
 # What a page takes as given before its first command: bags of runs.
 BAGS = Path(__file__).parents[3] / "bags"
 GIVEN = {
-    "seeing.md": {"out/classical": "paper_planar_classical", "out/vic": "paper_planar_vic"},
-    "bags.md": {"out/mine": "paper_planar_classical", "out/vic": "paper_planar_vic", "out/killed": "paper_planar_vic"},
+    "bags.md": {
+        "out/mine": "paper_planar_classical",
+        "out/classical": "paper_planar_classical",
+        "out/vic": "paper_planar_vic",
+        "out/killed": "paper_planar_vic",
+    },
 }
-# Commands whose page shows that they find a difference.
-DIFFERS = {"bag verify out/vic --set gains.gamma_kp=100.00000000000001": 1}
 
 
 def to_run(page: Path) -> list[str]:
@@ -115,7 +117,7 @@ def test_the_commands_of_a_page_run(page: str, tmp_path: Path, monkeypatch: pyte
             assert done.returncode == 0, f"{command}: {done.stdout}{done.stderr}"
         else:
             result = CliRunner().invoke(cli, shlex.split(command))
-            assert result.exit_code == DIFFERS.get(command, 0), f"{command}: {result.output}{result.exception!r}"
+            assert result.exit_code == 0, f"{command}: {result.output}{result.exception!r}"
 
 
 def test_there_is_something_to_run() -> None:

@@ -9,6 +9,7 @@ from slip_core.params import build, flat_names, flatten
 from slip_vic.scenarios import scenario_names
 from slip_vic.scenarios.parameter_files import config_files, parameter_page, topic_page
 from slip_vic.scenarios.scenario import NODES, load_scenario
+from tools import evidence
 
 ROOT = Path(__file__).parents[3]
 FILES = {**{f"config/{name}": text for name, text in config_files().items()}}
@@ -18,6 +19,10 @@ FILES |= {"docs/parameters.md": parameter_page(), "docs/topics.md": topic_page()
 def test_files_are_up_to_date() -> None:
     fix = "run ./run params and ./run params --reference --out docs"
     assert [name for name, text in FILES.items() if (ROOT / name).read_text() != text] == [], fix
+
+
+def test_evidence_page_is_up_to_date() -> None:
+    assert (ROOT / "docs" / "evidence.md").read_text() == evidence.page(), "run python tools/evidence.py"
 
 
 def test_config_has_nothing_else() -> None:

@@ -1,6 +1,6 @@
 """Where the page's scripts come from: three.js is in trimesh's wheel, uPlot in uplot-python's; none is imported.
 
-Measured against other packages: docs/decisions.md, "The page of a run".
+Measured against other packages: docs/architecture.md, "Decisions".
 """
 
 from __future__ import annotations

@@ -117,7 +117,7 @@ def topic_page() -> str:
     """Return docs/topics.md."""
     return (
         "# Topics\n\nMade by `slip-vic params --reference` from `slip_core.topics`; a test holds it true.\n"
-        "Names are relative: a namespace moves the whole system. Two arms on one object (docs/two_arms.md) have\n"
+        "Names are relative: a namespace moves the whole system. Two arms on one object (docs/governor.md) have\n"
         "each of these below `left/` and below `right/`, but for those marked *one*, which are there once for both.\n"
         "Contact 1 and further ones of a multi-contact grasp use `contact_1/wrench`, `contact_1/slip_velocity` and so\n"
         "on. The controller subscribes best effort in real time, so that a sensor driver's best-effort topics match,\n"

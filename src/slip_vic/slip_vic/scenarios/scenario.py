@@ -242,7 +242,7 @@ class Scenario:
                 raise InputError(
                     "parameter contacts.position", got=f"{contacts} contacts",
                     expected=f"one for each arm, {len(self.controllers)}",
-                    fix="several arms that hold one object are below `arms` in the scenario: docs/two_arms.md",
+                    fix="several arms that hold one object are below `arms` in the scenario: docs/governor.md",
                 )  # fmt: skip
         Controller(self.controllers, self.placed, lockstep=True)
         self.bridge_session()
