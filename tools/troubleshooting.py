@@ -36,7 +36,7 @@ TO_DO = {
     Cause.SATURATED: "The law needs more than the joints have: a slower path, or the governor; see safety.md for "
     "`safety.limits.effort_rate`.",
     Cause.PATH_WAITS: "The arm does not follow: something blocks it, or the gains are too soft for the path.",
-    Cause.OLD_JOINT_STATE: "Two drivers publish, or stamps go back. `slip-vic bag info` of a recording names the publishers of the joint states.",
+    Cause.OLD_JOINT_STATE: "Two drivers publish, or stamps go back. Look at `ros2 topic info -v` of the joint states.",
     Cause.BAD_REFERENCE: "The node that publishes `reference` sends NaN or infinity.",
     Cause.NO_ESTIMATE: "Report it with a bag: the observer must give a finite estimate for all inputs.",
     Cause.NO_TORQUE: "The arm is in a singular posture or a limit is reached: move it away by hand, then `~/reset_fault`.",

@@ -23,7 +23,6 @@ setup(
         "mcap-ros2-support",
         "numpy",
         "pandas",
-        "pyarrow",
         "pyyaml",
         "rich",
         "zstandard",
@@ -33,7 +32,7 @@ setup(
     author="slip-vic contributors",
     maintainer="slip-vic maintainers",
     maintainer_email="maintainers@slip-vic.example",
-    description="Record, play, inspect, export and recover ROS 2 bags without rosbag2.",
+    description="Record, play, inspect and recover ROS 2 bags without rosbag2.",
     license="Apache-2.0",
     entry_points={"console_scripts": ["slip_bag = slip_bags.cli:main"]},
 )

@@ -29,6 +29,7 @@ setup(
         "optuna",
         "pandas",
         "psutil",
+        "pyarrow",
         "pydantic",
         "pyyaml",
         "rich",

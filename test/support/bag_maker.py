@@ -13,7 +13,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from slip_bags.format import QosProfile, TopicInfo
 from slip_bags.typedefs import find_definition
-from slip_bags.writer import BagWriter, WriterOptions
+from slip_bags.writer import BagWriter
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 START_NS = 1_700_000_000_000_000_000
@@ -100,14 +100,15 @@ def make_bag(
     *,
     count: int = 200,
     topics: dict[str, str] | None = None,
-    options: WriterOptions | None = None,
+    custom_data: dict[str, str] | None = None,
+    attachments: dict[str, bytes] | None = None,
     flush_every: int = 50,
     qos: Sequence[QosProfile] = (QosProfile(),),
 ) -> dict[str, list[tuple[int, int, int, Any]]]:
     """Write a bag; return per topic (log time, publish time, sequence, message) of everything in it."""
     rng = np.random.default_rng(1)
     topics = SUITE_TOPICS if topics is None else topics
-    writer = BagWriter(folder, options or WriterOptions())
+    writer = BagWriter(folder, custom_data, attachments)
     content: dict[str, list[tuple[int, int, int, Any]]] = {name: [] for name in topics}
     for name, type_name in topics.items():
         definition = find_definition(type_name)

@@ -10,7 +10,7 @@ import numpy as np
 
 from slip_bags.format import QosProfile, TopicInfo
 from slip_bags.typedefs import find_definition
-from slip_bags.writer import BagWriter, WriterOptions
+from slip_bags.writer import BagWriter
 from slip_core.params import build, flatten
 from slip_core.types import DisplacementSample
 from slip_msgs_py.messages.from_msgs import cartesian_reference, pose_goal
@@ -57,8 +57,7 @@ def record_run(
 
     `retune` gives parameters that change before a tick, `goals` messages (goals or references) that come before one.
     """
-    options = WriterOptions(attachments=attachments(scenario) if attached is None else attached)
-    writer = BagWriter(folder, options)
+    writer = BagWriter(folder, attachments=attachments(scenario) if attached is None else attached)
     numbers = dict.fromkeys(TOPICS, 0)
     lost = set(skip)
     for name, type_name in TOPICS.items():

@@ -1,19 +1,26 @@
-"""A bag of two arms, made of a bag of one: its topics in `left/` and `right/`, the object's in `object/`."""
+"""Bags under other topic names: of one arm in a namespace, and of two arms made of a bag of one."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from slip_bags.reader import Bag
-from slip_bags.writer import BagWriter, WriterOptions
+from slip_bags.writer import BagWriter
 
 SHARED = {"/object_state": ["/object/object_state"], "/object_description": ["/object/object_description"]}
 
 
 def two_arms(source: Path, folder: Path) -> None:
-    """Write the bag; both arms stand in the same place, which only a picture minds."""
+    """Write a bag with the topics in `left/` and `right/`, the object's in `object/`; both arms are in one place."""
     with Bag(source) as bag:
-        names = {name: SHARED.get(name, [f"/left{name}", f"/right{name}"]) for name in bag.topics if name != "/clock"}
-        writer = BagWriter(folder, WriterOptions(custom_data=bag.custom_data, attachments=bag.attachments))
+        topics = [name for name in bag.topics if name != "/clock"]
+    copy_bag(source, folder, {name: SHARED.get(name, [f"/left{name}", f"/right{name}"]) for name in topics})
+
+
+def copy_bag(source: Path, folder: Path, names: Mapping[str, Sequence[str]]) -> None:
+    """Write the messages of some topics into a new bag, each topic under its new names."""
+    with Bag(source) as bag:
+        writer = BagWriter(folder, bag.custom_data, bag.attachments)
         try:
             for name, copies in names.items():
                 for copy in copies:

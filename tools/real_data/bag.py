@@ -1,4 +1,4 @@
-"""A recorded run as a bag of ours, so that `bag info`, `bag export`, `report`, rerun and Foxglove read it.
+"""A recorded run as a bag of ours, so that `bag info`, `report`, rerun and Foxglove read it.
 
 Topics: joint_states; slip_truth of the pad relative to the object from the marker, smoothed to both sides, where it was
 seen, on pad axes (x approach, z closing direction); slip_velocity, the same as a sensor would give it, from the last
@@ -21,7 +21,7 @@ from std_msgs.msg import Header
 
 from slip_bags.format import QosProfile, TopicInfo
 from slip_bags.typedefs import find_definition
-from slip_bags.writer import BagWriter, WriterOptions
+from slip_bags.writer import BagWriter
 from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_description import urdf_text
@@ -139,8 +139,7 @@ def write_bag(run: Path, out: Path, urdf: Path | None = None) -> int:
     time, fields, places = read_pad_motion(run).time, read_fields(run), taxels()
     displacement, velocity, measured = slip(run, time)
     custom = {"source": "github.com/imanlab/proactive-slip-control 73c84b0, MIT", "run": run.name}
-    options = WriterOptions(attachments={"arm.urdf": description}, custom_data=custom)
-    writer = BagWriter(out, options)
+    writer = BagWriter(out, custom, {"arm.urdf": description})
     for name, type_name in TOPICS.items():
         definition = find_definition(type_name)
         writer.add_topic(TopicInfo(name, type_name, (QosProfile(),), definition.type_hash), definition.text)

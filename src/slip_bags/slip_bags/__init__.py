@@ -1,5 +1,4 @@
-"""Record, inspect, play, export and recover ROS 2 bags without rosbag2; has nothing to do with slip.
+"""Record, inspect, play and recover ROS 2 bags without rosbag2; independent of slip control.
 
-Files are rosbag2 version 9 folders (``metadata.yaml`` and MCAP). Only `recorder` and `player` need ROS;
-reading, export and recovery work without it.
+Bags are rosbag2 version 9 folders (``metadata.yaml`` and MCAP). Only recording and playing need ROS.
 """

@@ -1,4 +1,4 @@
-"""The texts of rosbag2: ``metadata.yaml`` version 9 and the QoS lists; versions 4 to 9 are read."""
+"""The texts of rosbag2: ``metadata.yaml`` version 9 and the QoS lists."""
 
 from __future__ import annotations
 
@@ -14,12 +14,6 @@ from slip_core.files.plain_yaml import read_yaml
 INFINITE_NS: Final = 2**63 - 1
 VERSION: Final = 9
 ROS_DISTRO: Final = "jazzy"
-
-# Names of the rmw enumerations in order of their numbers, which versions up to 8 stored instead of names.
-_HISTORY = ("system_default", "keep_last", "keep_all", "unknown")
-_RELIABILITY = ("system_default", "reliable", "best_effort", "unknown", "best_available")
-_DURABILITY = ("system_default", "transient_local", "volatile", "unknown", "best_available")
-_LIVELINESS = ("system_default", "automatic", "manual_by_node", "manual_by_topic", "unknown", "best_available")
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,34 +115,29 @@ def metadata_text(metadata: BagMetadata, *, root: bool) -> str:
 
 
 def parse_qos(text: str | Sequence[Any] | None) -> tuple[QosProfile, ...]:
-    """Read a QoS list as found in a channel or in ``metadata.yaml``, with names (v9) or numbers (before); None: none.
+    """Read a QoS list as a channel or ``metadata.yaml`` stores it; empty where it is absent or of another form.
 
-    Raises:
-        InputError: where it is neither.
+    Bags of Humble and before have numbers instead of names: they play with the default QoS.
     """
     try:
         items = read_yaml(text) if isinstance(text, str) else text
         return tuple(_qos(item) for item in items or ())
     except (yaml.YAMLError, TypeError, ValueError, KeyError, IndexError, AttributeError, OverflowError):
-        raise InputError("offered_qos_profiles", got=str(text), expected="a list of QoS profiles") from None
+        return ()
 
 
 def parse_metadata(text: str, what: str) -> BagMetadata:
     """Read ``metadata.yaml`` or the text of a ``serialized_metadata`` record; `what` names it in the error.
 
     Raises:
-        InputError: where it is not YAML, or a key rosbag2 needs is missing or of the wrong kind.
+        InputError: it is not YAML, or a key that rosbag2 needs is missing or of another kind.
     """
     try:
         tree = read_yaml(text)
-    except (yaml.YAMLError, ValueError) as error:
-        raise InputError(what, got=" ".join(str(error).split()), expected="YAML") from None
-    try:
         tree = tree.get("rosbag2_bagfile_information", tree)
-        paths = [str(path) for path in tree["relative_file_paths"]]
         files = tuple(_file(item) for item in tree.get("files") or ())
         return BagMetadata(
-            files=files or tuple(FileInfo(path) for path in paths),
+            files=files or tuple(FileInfo(str(path)) for path in tree["relative_file_paths"]),
             topics=tuple(_topic(item) for item in tree["topics_with_message_count"] or ()),
             start_ns=int(tree["starting_time"]["nanoseconds_since_epoch"]),
             duration_ns=int(tree["duration"]["nanoseconds"]),
@@ -160,9 +149,10 @@ def parse_metadata(text: str, what: str) -> BagMetadata:
             compression_mode=str(tree.get("compression_mode") or ""),
             version=int(tree["version"]),
         )
-    except (TypeError, KeyError, ValueError, AttributeError, OverflowError) as error:
-        expected = "rosbag2_bagfile_information as rosbag2 writes it"
-        raise InputError(what, got=f"{type(error).__name__} {error}", expected=expected) from None
+    except (yaml.YAMLError, TypeError, KeyError, ValueError, AttributeError, OverflowError) as error:
+        expected = "YAML with rosbag2_bagfile_information as rosbag2 writes it"
+        got = f"{type(error).__name__} {' '.join(str(error).split())}"
+        raise InputError(what, got=got, expected=expected) from None
 
 
 def _qos_tree(qos: QosProfile) -> dict[str, Any]:
@@ -183,22 +173,23 @@ def _qos_tree(qos: QosProfile) -> dict[str, Any]:
 
 
 def _qos(item: Any) -> QosProfile:
-    def name(value: Any, names: tuple[str, ...]) -> str:
-        return names[value] if isinstance(value, int) else str(value)
+    def name(key: str) -> str:
+        if not isinstance(item[key], str):
+            raise TypeError(key)
+        return str(item[key])
 
-    def duration(value: Any) -> int:
-        # All zeros is how bags before version 5 wrote "not set".
-        return (int(value["sec"]) * 10**9 + int(value["nsec"])) or INFINITE_NS
+    def duration(key: str) -> int:
+        return int(item[key]["sec"]) * 10**9 + int(item[key]["nsec"])
 
     return QosProfile(
-        reliability=name(item["reliability"], _RELIABILITY),
-        durability=name(item["durability"], _DURABILITY),
-        history=name(item["history"], _HISTORY),
+        reliability=name("reliability"),
+        durability=name("durability"),
+        history=name("history"),
         depth=int(item["depth"]),
-        deadline_ns=duration(item["deadline"]),
-        lifespan_ns=duration(item["lifespan"]),
-        liveliness=name(item["liveliness"], _LIVELINESS),
-        liveliness_lease_ns=duration(item["liveliness_lease_duration"]),
+        deadline_ns=duration("deadline"),
+        lifespan_ns=duration("lifespan"),
+        liveliness=name("liveliness"),
+        liveliness_lease_ns=duration("liveliness_lease_duration"),
         avoid_ros_namespace_conventions=bool(item["avoid_ros_namespace_conventions"]),
     )
 

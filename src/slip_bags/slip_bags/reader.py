@@ -25,14 +25,12 @@ from mcap.records import Schema as McapSchema
 from mcap_ros2.decoder import DecoderFactory
 
 from slip_bags.format import BagMetadata, TopicInfo, parse_metadata, parse_qos
+from slip_bags.mcap_file import LATEST_NS, MAX_BYTES, MAX_MESSAGES, McapFile, open_file
 from slip_bags.series import Series
-from slip_bags.storage.mcap_file import McapFile
 from slip_core.errors import InputError, nearest
 from slip_msgs_py.messages.layout import Schema
 
 _TIME = attrgetter("log_time_ns")
-_ALWAYS_NS = (-(2**63), 2**63 - 1)
-_AT_ONCE = 1_000_000  # messages: some 350 MB of memory; a minute of one arm at 1 kHz has 640,000
 
 
 class RawMessage(NamedTuple):
@@ -109,7 +107,7 @@ class Bag:
     @property
     def compressions(self) -> list[str]:
         """Compressions used by the chunks, sorted; "" is none."""
-        return sorted({name for file in self._files for name in file.compressions})
+        return sorted(set().union(*(file.compressions for file in self._files)))
 
     @functools.cached_property
     def custom_data(self) -> Mapping[str, str]:
@@ -151,26 +149,30 @@ class Bag:
             InputError: no such topic, or damaged data, which is found when it is reached.
         """
         wanted = set(self.topics) if topics is None else {self.topic(name).name for name in topics}
-        first = _ALWAYS_NS[0] if start_ns is None else start_ns
-        last = _ALWAYS_NS[1] if end_ns is None else end_ns
-        if (first, last) == _ALWAYS_NS and len(wanted) == 1 and self.message_count <= _AT_ONCE:
+        first = 0 if start_ns is None else start_ns
+        last = LATEST_NS if end_ns is None else end_ns
+        if start_ns is None and end_ns is None and len(wanted) == 1 and self._is_short:
             yield from self._by_topic[next(iter(wanted))]
-            return
-        found = [file.messages(wanted, first, last) for file in self._files]
-        merged = heapq.merge(*found, key=_log_time) if len(found) > 1 else found[0]
-        for topic, message in merged:
-            yield _raw(topic, message)
+        else:
+            yield from self._stored(wanted, first, last)
+
+    @property
+    def _is_short(self) -> bool:
+        return sum(file.unpacked_bytes for file in self._files) <= MAX_BYTES and self.message_count <= MAX_MESSAGES
 
     @functools.cached_property
     def _by_topic(self) -> dict[str, list[RawMessage]]:
-        """All messages of a short bag: a chunk is unpacked with all its topics, so topic after topic costs one pass."""
+        """All messages of a short bag: a chunk holds all topics, so one pass serves all of them."""
         found: dict[str, list[RawMessage]] = {name: [] for name in self.topics}
-        for file in self._files:
-            for topic, message in file.messages(self.topics, *_ALWAYS_NS, sort=False):
-                found[topic].append(_raw(topic, message))
-        for messages in found.values():
-            messages.sort(key=_TIME)  # stable: what has the same time keeps the order of the file
+        for number, message in enumerate(self._stored(set(self.topics), 0, LATEST_NS)):
+            if number >= MAX_MESSAGES:
+                raise InputError(f"bag {self.path}", got="more messages than its index states", expected="a whole bag")
+            found[message.topic].append(message)
         return found
+
+    def _stored(self, topics: Collection[str], first_ns: int, last_ns: int) -> Iterator[RawMessage]:
+        streams = [map(_raw, file.messages(topics, first_ns, last_ns)) for file in self._files]
+        return heapq.merge(*streams, key=_TIME)
 
     def messages(
         self, topic: str, *, start_ns: int | None = None, end_ns: int | None = None
@@ -236,14 +238,10 @@ class Bag:
                     found[channel.topic] = replace(known, message_count=known.message_count + count)
                     continue
                 schema = file.schemas.get(channel.schema_id)
-                try:
-                    qos = parse_qos(channel.metadata.get("offered_qos_profiles", ""))
-                except InputError:
-                    qos = ()  # another writer's form; the messages are readable all the same
                 found[channel.topic] = TopicInfo(
                     name=channel.topic,
                     type_name=schema.name if schema is not None else "",
-                    qos=qos,
+                    qos=parse_qos(channel.metadata.get("offered_qos_profiles", "")),
                     type_hash=channel.metadata.get("topic_type_hash", ""),
                     message_count=count,
                     encoding=channel.message_encoding,
@@ -251,12 +249,9 @@ class Bag:
         return dict(sorted(found.items()))
 
 
-def _raw(topic: str, message: Message) -> RawMessage:
+def _raw(stored: tuple[str, Message]) -> RawMessage:
+    topic, message = stored
     return RawMessage(topic, message.log_time, message.publish_time, message.sequence, message.data)
-
-
-def _log_time(item: tuple[str, Message]) -> int:
-    return item[1].log_time
 
 
 def read_series(path: Path | str, topic: str) -> Series:
@@ -273,19 +268,17 @@ def _folder_metadata(folder: Path) -> BagMetadata:
     what = f"bag {folder}"
     path = folder / "metadata.yaml"
     files = sorted(file.name for file in folder.glob("*.mcap"))
-    try:
-        metadata = parse_metadata(path.read_text(encoding="utf-8"), str(path))
-    except FileNotFoundError:
+    if not path.exists():
         if not files:
-            raise InputError(what, got="a folder without metadata.yaml and MCAP files", expected="a bag") from None
-        raise InputError(
-            what,
-            got="no metadata.yaml: the recorder was killed",
-            expected="a closed bag",
-            fix=f"`slip-vic bag recover {folder}` makes one, or open {folder / files[0]} by itself",
-        ) from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(str(path), got=str(error), expected="a readable file") from None
+            raise InputError(what, got="a folder without metadata.yaml and MCAP files", expected="a bag")
+        fix = f"`slip-vic bag recover {folder}` makes one, or open {folder / files[0]} by itself"
+        raise InputError(what, got="no metadata.yaml: the recorder was killed", expected="a closed bag", fix=fix)
+    try:
+        with open_file(path) as file:
+            text = file.read(MAX_BYTES).decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise InputError(str(path), got=str(error), expected="a text") from None
+    metadata = parse_metadata(text, str(path))
     if metadata.storage != "mcap":
         raise InputError(what, got=f"storage {metadata.storage}", expected="mcap", fix="convert it: ros2 bag convert")
     if metadata.compression_format or metadata.compression_mode not in ("", "none", "NONE"):
@@ -293,10 +286,10 @@ def _folder_metadata(folder: Path) -> BagMetadata:
         raise InputError(what, got=got, expected="compression inside MCAP (zstd, lz4, none)")
     if not metadata.files:
         raise InputError(str(path), got="no relative_file_paths", expected="the bag's MCAP files")
-    for file in metadata.files:
-        if PurePath(file.path).is_absolute() or ".." in PurePath(file.path).parts:
-            raise InputError(str(path), got=file.path, expected="files of the bag's own folder")
-        if not (folder / file.path).is_file():
-            got = f"{file.path} is missing"
+    for item in metadata.files:
+        if PurePath(item.path).is_absolute() or ".." in PurePath(item.path).parts:
+            raise InputError(str(path), got=item.path, expected="files of the bag's own folder")
+        if not (folder / item.path).is_file():
+            got = f"{item.path} is missing"
             raise InputError(what, got=got, expected=f"the files of metadata.yaml, found {files}")
     return metadata

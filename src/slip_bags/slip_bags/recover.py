@@ -4,85 +4,78 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from mcap.records import Attachment, Channel, Chunk, McapRecord, Message, Metadata, Schema
+from mcap.stream_reader import StreamReader
+
 from slip_bags.format import BagMetadata, TopicInfo, parse_metadata, parse_qos
-from slip_bags.storage.salvage import Salvage, SalvagedMessage, salvage
-from slip_bags.writer import BagWriter, WriterOptions
+from slip_bags.mcap_file import DAMAGE, LATEST_NS, MAX_BYTES, chunk_records, open_mcap
+from slip_bags.writer import BagWriter
 from slip_core.errors import InputError
 
 
 @dataclass(slots=True)
-class RecoverReport:
-    """What `recover` did: the new bag, and per file what was lost."""
+class Losses:
+    """What could not be read: chunks with damaged data, and files without a readable end."""
 
-    output: Path
-    metadata: BagMetadata | None = None
-    files: dict[str, Salvage] = field(default_factory=dict)
-
-    @property
-    def bytes_skipped(self) -> int:
-        """Bytes of the original that could not be read."""
-        return sum(file.bytes_skipped for file in self.files.values())
-
-    @property
-    def chunks_dropped(self) -> int:
-        """Chunks whose data is damaged."""
-        return sum(file.chunks_dropped for file in self.files.values())
-
-    @property
-    def messages_dropped(self) -> int:
-        """Messages that are damaged or of unknown channels."""
-        return sum(file.messages_dropped for file in self.files.values())
+    chunks_dropped: int = 0
+    cut_files: list[str] = field(default_factory=list)
 
 
-def recover(source: Path, output: Path, compression: str = "zstd") -> RecoverReport:
+def recover(source: Path, output: Path) -> tuple[BagMetadata, Losses]:
     """Write everything readable of a bag folder or MCAP file into a new bag, tagged ``recovered: "true"``.
+
+    Each file is read up to its first damaged record; a chunk whose content is damaged is left out.
 
     Raises:
         InputError: nothing to read, nothing to save, or the output exists.
         StorageError: the disk refuses.
     """
-    report = RecoverReport(output)
     writer: BagWriter | None = None
+    losses = Losses()
     try:
         for path in _mcap_files(source):
-            found = report.files[path.name] = Salvage()
-            topics: set[str] = set()
-            for message in salvage(path, found):
-                if writer is None:
-                    writer = BagWriter(output, WriterOptions(compression, attachments=dict(found.attachments)))
-                elif not topics:
-                    writer.split()
-                if message.channel.topic not in topics:
-                    topics.add(message.channel.topic)
-                    _add_topic(writer, message)
-                writer.write(
-                    message.channel.topic,
-                    message.log_time_ns,
-                    message.publish_time_ns,
-                    message.sequence,
-                    message.data,
-                )
+            schemas: dict[int, Schema] = {}
+            channels: dict[int, Channel] = {}
+            attachments: dict[str, bytes] = {}
+            custom_data: dict[str, str] = {}
+            for record in _records(path, losses):
+                if isinstance(record, Schema):
+                    schemas[record.id] = record
+                elif isinstance(record, Channel):
+                    channels[record.id] = record
+                elif isinstance(record, Attachment):
+                    attachments[record.name] = record.data
+                elif isinstance(record, Metadata):
+                    custom_data |= _custom_data(record)
+                elif isinstance(record, Message) and _is_whole(record, schemas, channels):
+                    writer = writer or BagWriter(output, attachments=attachments)
+                    channel = channels[record.channel_id]
+                    if not writer.has_topic(channel.topic):
+                        _add_topic(writer, channel, schemas[channel.schema_id])
+                    times = (record.log_time, record.publish_time)
+                    writer.write(channel.topic, *times, record.sequence, record.data)
             if writer is not None:
-                writer.custom_data.update(_custom_data(found))
+                writer.custom_data.update(custom_data)
         if writer is None:
             raise InputError(f"bag {source}", got="no message that can be read", expected="something to recover")
-        writer.custom_data.update(recovered="true", recovered_from=source.name, recovery=_losses(report))
+        lost = json.dumps({"chunks_dropped": losses.chunks_dropped, "cut_files": losses.cut_files})
+        writer.custom_data.update(recovered="true", recovered_from=source.name, recovery=lost)
+        return writer.close(), losses
     finally:
         if writer is not None:
-            report.metadata = writer.close()
-    return report
+            writer.close()
 
 
 def _mcap_files(source: Path) -> list[Path]:
-    if source.is_file():
+    if not source.is_dir():
         return [source]
-    files = sorted(source.glob("*.mcap"), key=_split_number) if source.is_dir() else []
+    files = sorted(source.glob("*.mcap"), key=_split_number)
     if not files:
-        got = "a folder without MCAP files" if source.is_dir() else "nothing there"
-        raise InputError(f"bag {source}", got=got, expected="a bag folder or an MCAP file")
+        raise InputError(f"bag {source}", got="a folder without MCAP files", expected="a bag folder or an MCAP file")
     return files
 
 
@@ -91,32 +84,49 @@ def _split_number(path: Path) -> tuple[int, str]:
     return (int(match[1]) if match else 0, path.name)
 
 
-def _add_topic(writer: BagWriter, message: SalvagedMessage) -> None:
-    if writer.has_topic(message.channel.topic):
-        return
-    try:
-        qos = parse_qos(message.channel.metadata.get("offered_qos_profiles", ""))
-    except InputError:
-        qos = ()
-    type_hash = message.channel.metadata.get("topic_type_hash", "")
-    info = TopicInfo(message.channel.topic, message.schema.name, qos, type_hash)
-    writer.add_topic(info, message.schema.data.decode("utf-8", "replace"))
+def _records(path: Path, losses: Losses) -> Iterator[McapRecord]:
+    """Yield the records of a file and of its chunks, as far as it can be read."""
+    with open_mcap(path) as file:
+        records = StreamReader(file, emit_chunks=True, record_size_limit=MAX_BYTES).records
+        while True:
+            try:
+                record = next(records, None)
+            except DAMAGE:
+                losses.cut_files.append(path.name)
+                return
+            if record is None:
+                return
+            if not isinstance(record, Chunk):
+                yield record
+                continue
+            try:
+                yield from chunk_records(record)
+            except DAMAGE:
+                losses.chunks_dropped += 1
 
 
-def _custom_data(found: Salvage) -> dict[str, str]:
-    text = found.metadata.get("rosbag2", {}).get("serialized_metadata")
-    try:
-        return dict(parse_metadata(text, "metadata record").custom_data) if text else {}
-    except InputError:
-        return {}
+def _is_whole(message: Message, schemas: dict[int, Schema], channels: dict[int, Channel]) -> bool:
+    """Return whether a ROS 2 bag can hold the message: times, encoding and schema."""
+    channel = channels.get(message.channel_id)
+    schema = schemas.get(channel.schema_id) if channel is not None else None
+    if channel is None or schema is None or max(message.log_time, message.publish_time) > LATEST_NS:
+        return False
+    return bool(channel.message_encoding == "cdr" and schema.encoding == "ros2msg")
 
 
-def _losses(report: RecoverReport) -> str:
-    return json.dumps(
-        {
-            "bytes_skipped": report.bytes_skipped,
-            "chunks_dropped": report.chunks_dropped,
-            "messages_dropped": report.messages_dropped,
-            "cut_files": [name for name, file in report.files.items() if file.cut],
-        }
+def _add_topic(writer: BagWriter, channel: Channel, schema: Schema) -> None:
+    info = TopicInfo(
+        channel.topic,
+        schema.name,
+        parse_qos(channel.metadata.get("offered_qos_profiles", "")),
+        channel.metadata.get("topic_type_hash", ""),
     )
+    writer.add_topic(info, schema.data.decode("utf-8", "replace"))
+
+
+def _custom_data(record: Metadata) -> dict[str, str]:
+    try:
+        text = record.metadata["serialized_metadata"]
+        return dict(parse_metadata(text, "metadata record").custom_data)
+    except (KeyError, InputError):
+        return {}

@@ -1,9 +1,8 @@
-"""A ROS node for one command: started, and always taken down."""
+"""A ROS node for one command, which is always destroyed."""
 
 from __future__ import annotations
 
 import contextlib
-import os
 from collections.abc import Iterator
 
 import rclpy
@@ -13,21 +12,9 @@ from rclpy.signals import SignalHandlerOptions
 from slip_msgs_py.environment import choose_transport
 
 
-def request_realtime() -> bool:
-    """Ask for real-time priority for this process and the threads it starts from now on; return whether it was given.
-
-    Before ROS starts, so that its threads inherit it; without the privilege nothing changes.
-    """
-    try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(os.sched_get_priority_min(os.SCHED_FIFO)))
-    except (OSError, AttributeError):  # not permitted, or not on this system
-        return False
-    return True
-
-
 @contextlib.contextmanager
 def ros_node(name: str, namespace: str = "/") -> Iterator[Node]:
-    """Give a bare node in a context of its own; the command line is not read, signals are left alone."""
+    """Provide a bare node in its own context; it reads no command line and handles no signals."""
     choose_transport()
     context = rclpy.Context()
     rclpy.init(args=[], context=context, signal_handler_options=SignalHandlerOptions.NO)

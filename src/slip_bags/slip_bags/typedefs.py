@@ -1,13 +1,13 @@
 """Message definitions for the bag: the ``ros2msg`` schema text and the RIHS01 type hash of a type.
 
-They are found where the message package is installed, without fixed paths: beside the imported package
-(wheels, conda), in the overlays of AMENT_PREFIX_PATH (ROS, colcon), under `sys.prefix`. The `rosbags` package can make
-such texts too, but of its own list of types and without their comments.
+They are read where the message package is installed: beside the imported package (wheels, conda), in the overlays of
+AMENT_PREFIX_PATH (ROS, colcon), or under `sys.prefix`.
 """
 
 from __future__ import annotations
 
 import functools
+import importlib
 import importlib.util
 import json
 import os
@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import Final
 
 from slip_core.errors import InputError
-from slip_msgs_py.messages import transforms
 from slip_msgs_py.messages.layout import parse_fields
 
 _DELIMITER: Final = "\n" + "=" * 80 + "\nMSG: "
@@ -39,7 +38,7 @@ def find_definition(type_name: str) -> MessageDefinition:
     """Return the definition of ``pkg/msg/Type`` as rosbag2 stores it: depth first, dependencies sorted, each once.
 
     Raises:
-        InputError: where the name is not of this form or the type is not installed.
+        InputError: the name is not of this form or the type is not installed.
     """
     package, name = split_type_name(type_name)
     seen = {f"{package}/{name}"}
@@ -56,11 +55,24 @@ def find_definition(type_name: str) -> MessageDefinition:
     return MessageDefinition(type_name, expand(package, name), _type_hash(package, name))
 
 
+def message_class(type_name: str) -> type:
+    """Return the generated class of ``pkg/msg/Type``.
+
+    Raises:
+        InputError: the name is not of this form, or the type is not installed.
+    """
+    package, name = split_type_name(type_name)
+    try:
+        return getattr(importlib.import_module(f"{package}.msg"), name)
+    except (ImportError, AttributeError) as error:
+        raise InputError(f"message type {type_name}", got=error, expected="an installed message package") from None
+
+
 def split_type_name(type_name: str) -> tuple[str, str]:
     """Split ``pkg/msg/Type`` into package and name.
 
     Raises:
-        InputError: where it is not of this form.
+        InputError: it is not of this form.
     """
     match = re.fullmatch(r"([a-zA-Z]\w*)/msg/([a-zA-Z]\w*)", type_name)
     if match is None:
@@ -90,8 +102,6 @@ def _read(package: str, name: str, suffix: str) -> str:
         path = prefix / relative
         if path.is_file():
             return path.read_bytes().decode("utf-8")
-    if (f"{package}/msg/{name}", suffix) == (transforms.TYPE, ".msg"):
-        return transforms.TEXT
     raise InputError(
         f"message type {package}/msg/{name}",
         got=f"no {relative}",

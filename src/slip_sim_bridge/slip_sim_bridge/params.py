@@ -157,9 +157,7 @@ class BridgeParams(ArmParams):
         gt=0.0,
     )
     duration_s: float = parameter(8.0, "simulated time of a run", unit="s", gt=0.0)
-    publish_tf: bool = parameter(
-        False, "publish `/tf` at 50 Hz; needs the package tf2_msgs of a full ROS, and the recorder needs none of this"
-    )
+    publish_tf: bool = parameter(False, "publish `/tf` at 50 Hz; needs the package tf2_msgs of a full ROS")
     stop_after_duration: bool = parameter(True, "end the process after duration_s; false runs until stopped")
 
     @model_validator(mode="after")

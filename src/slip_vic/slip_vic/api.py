@@ -80,7 +80,7 @@ def read_bag(path: str | Path, topic: str | None = None) -> pd.DataFrame:
     """
     import pandas as pd
 
-    from slip_bags.export import dataframe
+    from slip_bags.frame import dataframe
     from slip_bags.reader import Bag
 
     with Bag(Path(path)) as bag:

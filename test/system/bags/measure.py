@@ -78,16 +78,15 @@ def publish(count: int, rate_hz: float, seconds: float) -> None:
 
 
 @contextlib.contextmanager
-def running(bag: Path, count: int, rate_hz: float, seconds: float, compression: str) -> Iterator[tuple[Any, Any]]:
+def running(bag: Path, count: int, rate_hz: float, seconds: float) -> Iterator[tuple[Any, Any]]:
     """Start source and recorder in a domain of their own; both are ended at the end of the block."""
     environment = {
         **os.environ,
         "ROS_DOMAIN_ID": str(random.randrange(*FREE_DOMAINS)),
         "SLIP_VIC_EVENTS": "1",
     }
-    command = ["-m", "slip_bags.cli", "record", "--output", str(bag), "--compression", compression]
-    for name, type_name in topic_types(count).items():
-        command += ["--typed", name, type_name]
+    command = ["-m", "slip_bags.cli", "record", "--output", str(bag)]
+    command += topic_types(count)
     pipes: dict[str, Any] = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True, "env": environment}
     recorder = subprocess.Popen([sys.executable, *command], **pipes)
     source_command = [__file__, "publish", "--topics", str(count), "--rate", str(rate_hz), "--seconds", str(seconds)]
@@ -104,10 +103,10 @@ def running(bag: Path, count: int, rate_hz: float, seconds: float, compression: 
             process.wait()
 
 
-def load(count: int, rate_hz: float, seconds: float, compression: str) -> None:
+def load(count: int, rate_hz: float, seconds: float) -> None:
     with tempfile.TemporaryDirectory() as folder:
         bag = Path(folder) / "bag"
-        with running(bag, count, rate_hz, seconds, compression) as (source, recorder):
+        with running(bag, count, rate_hz, seconds) as (source, recorder):
             rounds = int(source.stdout.readline())
             time.sleep(1.0)
             recorder.send_signal(signal.SIGINT)
@@ -116,69 +115,16 @@ def load(count: int, rate_hz: float, seconds: float, compression: str) -> None:
         size = sum(path.stat().st_size for path in bag.iterdir())
     missed = sum(topic["missed_at_start"] for topic in summary["topics"].values())
     print(
-        f"{count} topics x {rate_hz:g} Hz x {seconds:g} s, {compression}: sent {rounds * count}, "
+        f"{count} topics x {rate_hz:g} Hz x {seconds:g} s: sent {rounds * count}, "
         f"recorded {summary['messages']}, lost {summary['lost']}, missed at start {missed}, "
         f"recorder CPU {100 * summary['cpu_share']:.1f} % of a core, {size / 2**20:.1f} MiB, "
         f"queue peak {summary['largest_batch']}/{summary['queue_depth']}, longest poll {summary['longest_gap_ms']} ms"
     )
 
 
-def kill(kills: int, count: int, rate_hz: float, compression: str) -> None:
-    from slip_bags.reader import Bag
-    from slip_bags.recover import recover
-
-    losses = []
-    for number in range(kills):
-        with tempfile.TemporaryDirectory() as folder:
-            bag = Path(folder) / "bag"
-            with running(bag, count, rate_hz, 60.0, compression) as (_, recorder):
-                time.sleep(random.Random(number).uniform(1.0, 5.0))
-                killed_ns = time.time_ns()
-                recorder.send_signal(signal.SIGKILL)
-                recorder.wait()
-            recover(bag, Path(folder) / "out")
-            with Bag(Path(folder) / "out") as recovered:
-                messages = list(recovered.raw())
-            gaps = 0
-            for name in recovered.topics:
-                sequences = [message.sequence for message in messages if message.topic == name]
-                gaps += sequences[-1] - sequences[0] + 1 - len(sequences)
-            losses.append((killed_ns - messages[-1].log_time_ns) * 1e-9)
-            print(f"kill {number + 1}: {len(messages)} messages saved, {gaps} gaps, lost the last {losses[-1]:.3f} s")
-    print(f"worst of {kills}: {max(losses):.3f} s")
-
-
-def play(count: int, rate_hz: float, seconds: float, repeat: int) -> None:
-    sys.path.insert(0, str(Path(__file__).parent))
-    from bag_maker import encode, random_message
-    from numpy.random import default_rng
-
-    from slip_bags.format import QosProfile, TopicInfo
-    from slip_bags.typedefs import find_definition
-    from slip_bags.writer import BagWriter, WriterOptions
-
-    with tempfile.TemporaryDirectory() as folder:
-        bag = Path(folder) / "bag"
-        writer = BagWriter(bag, WriterOptions())
-        messages = {}
-        for name, type_name in topic_types(count).items():
-            definition = find_definition(type_name)
-            writer.add_topic(TopicInfo(name, type_name, (QosProfile(),), definition.type_hash), definition.text)
-            messages[name] = encode(random_message(type_name, default_rng(1), JOINTS))
-        for index in range(int(rate_hz * seconds)):
-            for name, data in messages.items():
-                time_ns = 10**18 + round(index * 1e9 / rate_hz)
-                writer.write(name, time_ns, time_ns, index + 1, data)
-        writer.close()
-        for _ in range(repeat):
-            command = [sys.executable, "-m", "slip_vic.cli", "bag", "play", str(bag)]
-            done = subprocess.run(command, capture_output=True, text=True, check=True)
-            print(f"{count} topics x {rate_hz:g} Hz: {done.stdout.strip()}")
-
-
 def storage(path: str, repeat: int) -> None:
     from slip_bags.reader import Bag
-    from slip_bags.writer import BagWriter, WriterOptions
+    from slip_bags.writer import BagWriter
 
     with Bag(path) as bag:
         messages = list(bag.raw())
@@ -199,7 +145,7 @@ def storage(path: str, repeat: int) -> None:
     with tempfile.TemporaryDirectory() as folder:
 
         def write(number: int) -> None:
-            made = BagWriter(Path(folder) / str(number), WriterOptions())
+            made = BagWriter(Path(folder) / str(number))
             for info, text in topics.values():
                 made.add_topic(info, text)
             for m in messages:
@@ -216,25 +162,19 @@ def storage(path: str, repeat: int) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("load", "kill", "play", "storage", "publish"))
+    parser.add_argument("what", choices=("load", "storage", "publish"))
     parser.add_argument("--topics", type=int, default=5)
     parser.add_argument("--rate", type=float, default=1000.0)
     parser.add_argument("--seconds", type=float, default=10.0)
-    parser.add_argument("--kills", type=int, default=20)
     parser.add_argument("--repeat", type=int, default=3)
     parser.add_argument("--bag", default="bags/paper_planar_vic")
-    parser.add_argument("--compression", default="zstd")
     given = parser.parse_args()
     if given.what == "publish":
         publish(given.topics, given.rate, given.seconds)
     elif given.what == "load":
-        load(given.topics, given.rate, given.seconds, given.compression)
-    elif given.what == "storage":
-        storage(given.bag, given.repeat)
-    elif given.what == "kill":
-        kill(given.kills, given.topics, given.rate, given.compression)
+        load(given.topics, given.rate, given.seconds)
     else:
-        play(given.topics, given.rate, given.seconds, given.repeat)
+        storage(given.bag, given.repeat)
 
 
 if __name__ == "__main__":

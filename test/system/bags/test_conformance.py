@@ -18,7 +18,6 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
 from slip_bags.format import QosProfile
-from slip_bags.writer import WriterOptions
 from test.support.bag_maker import comparable, encode, make_bag
 
 COUNT = 60
@@ -34,11 +33,11 @@ NPM_TIMEOUT_S = 180
 NODE_TIMEOUT_S = 60
 
 
-@pytest.fixture(scope="module", params=["zstd", "lz4", "none"])
-def recorded(request, tmp_path_factory) -> tuple[Path, dict[str, list[tuple[int, int, int, Any]]]]:
-    folder = tmp_path_factory.mktemp(request.param) / "bag"
-    options = WriterOptions(request.param, custom_data={"n": "1"}, attachments={"arm.urdf": b"<robot/>"})
-    return folder, make_bag(folder, count=COUNT, options=options, flush_every=20, qos=QOS)
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory) -> tuple[Path, dict[str, list[tuple[int, int, int, Any]]]]:
+    folder = tmp_path_factory.mktemp("recorded") / "bag"
+    attached = {"arm.urdf": b"<robot/>"}
+    return folder, make_bag(folder, count=COUNT, custom_data={"n": "1"}, attachments=attached, flush_every=20, qos=QOS)
 
 
 def test_rosbags_reads_folder_and_checks_the_hashes(recorded):

@@ -16,6 +16,7 @@ from slip_vic.run.domain import domain_id
 from test.support.browser import chromium, open_page
 from test.support.browser import wait_until as wait_in_page
 from test.support.ros import Processes, wait_until
+from test.support.two_arms import copy_bag
 
 BAG = Path(__file__).parents[3] / "bags" / "paper_planar_classical"
 NAMESPACE = "left"
@@ -37,20 +38,19 @@ def start_watch(processes: Processes, *arguments: object) -> tuple[object, str]:
     return child, found[0]
 
 
-def start_player(processes: Processes, *how: object) -> object:
+def start_player(processes: Processes, folder: Path, *how: object) -> object:
+    """Play the bag's topics in a namespace."""
     with Bag(BAG) as bag:
-        names = [name for name in bag.topics if name not in ("/clock", "/diagnostics")]
-    renamed = [part for name in names for part in ("--remap", f"{name}:=/{NAMESPACE}{name}")]
-    options = [*how, "--disable-keyboard-controls", "--topics"]
-    chosen = [part for name in names for part in ("--topics", name)][1:]
-    return processes.python("player", "-m", "slip_bags.cli", "play", BAG, *options, *chosen, *renamed)
+        names = [name for name in bag.topics if name not in ("/clock", "/diagnostics", "/tf")]
+    copy_bag(BAG, folder, {name: [f"/{NAMESPACE}{name}"] for name in names})
+    return processes.python("player", "-m", "slip_bags.cli", "play", folder, *how)
 
 
-def test_page_follows_what_runs(processes: Processes, browser: Browser) -> None:
+def test_page_follows_what_runs(processes: Processes, browser: Browser, tmp_path: Path) -> None:
     child, address = start_watch(processes)
     page, errors = open_page(browser, address, ready=False)
     assert "Waiting for joint states" in page.inner_text("#problem")
-    player = start_player(processes, "--rate", SLOWLY)
+    player = start_player(processes, tmp_path / "bag", "--rate", SLOWLY)
     wait_in_page(page, f"(window.slipPage?.plots.model.count ?? 0) > {FRAMES}")
     wait_in_page(page, "document.getElementById('problem').hidden")
     assert page.evaluate("slipPage.plots.model.runs[0].arms.map(arm => arm.name)") == [NAMESPACE]
@@ -69,10 +69,10 @@ def test_page_follows_what_runs(processes: Processes, browser: Browser) -> None:
     assert processes.stop(child, signal.SIGINT) == 0
 
 
-def test_page_begins_again_with_a_bag_that_is_looped(processes: Processes, browser: Browser) -> None:
+def test_page_begins_again_with_a_bag_that_is_looped(processes: Processes, browser: Browser, tmp_path: Path) -> None:
     _, address = start_watch(processes)
     page, errors = open_page(browser, address, ready=False)
-    start_player(processes, "--loop")
+    start_player(processes, tmp_path / "bag", "--loop")
     wait_in_page(page, f"(window.slipPage?.plots.model.count ?? 0) > {FRAMES}")
     page.evaluate("window.latest = 0")  # gone where the page is loaded anew
     wait_in_page(page, "(latest = Math.max(latest, slipPage.player.end)) > slipPage.player.end")

@@ -32,7 +32,7 @@ def run(noisy_run: Recording) -> dict[str, list[Any]]:
 @pytest.mark.smoke
 def test_every_topic_of_the_table_is_in_the_bag(noisy_run: Recording) -> None:
     listed = {f"/{name.lstrip('/')}" for name, _ in recorded_topics(noisy_run.scenario)}
-    assert listed | {"/tf"} == topics_of(noisy_run.bag)  # which the recorder itself writes
+    assert listed == topics_of(noisy_run.bag)
 
 
 def topics_of(bag: Path) -> set[str]:

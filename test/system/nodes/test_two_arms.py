@@ -81,5 +81,5 @@ def test_every_topic_is_in_the_bag(recorded: tuple[Scenario, Path]) -> None:
     scenario, path = recorded
     listed = {f"/{name.lstrip('/')}" for name, _ in recorded_topics(scenario)}
     with Bag(path) as bag:
-        assert set(bag.topics) == listed | {"/tf"}
+        assert set(bag.topics) == listed
         assert {"left.urdf", "right.urdf", "controller.params.yaml", "scenario.yaml"} <= set(bag.attachments)

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from slip_bags.info import bag_report
 from slip_bags.reader import Bag
 from slip_bags.recover import recover
-from slip_bags.writer import WriterOptions
 from slip_core.errors import InputError
 from test.support.bag_maker import make_bag
 
@@ -63,11 +62,10 @@ def mutate(data: bytes, mutations: list) -> bytes:
     return bytes(content)
 
 
-@pytest.fixture(scope="module", params=["zstd", "lz4", "none"])
-def sample(request, tmp_path_factory) -> Sample:
+@pytest.fixture(scope="module")
+def sample(tmp_path_factory) -> Sample:
     folder = tmp_path_factory.mktemp("fuzz") / "bag"
-    options = WriterOptions(request.param, custom_data={"a": "b"}, attachments={"x.yaml": b"a: 1"})
-    make_bag(folder, count=30, topics=TOPICS, options=options, flush_every=10)
+    make_bag(folder, count=30, topics=TOPICS, custom_data={"a": "b"}, attachments={"x.yaml": b"a: 1"}, flush_every=10)
     return Sample((folder / "bag_0.mcap").read_bytes())
 
 

@@ -14,7 +14,6 @@ from slip_bags.typedefs import find_definition
 from slip_core.errors import InputError
 from slip_msgs_py.messages.layout import Schema
 from test.support.bag_maker import STORE, comparable, encode, make_bag, random_message
-from test.support.every import every
 from test.unit.bags.test_typedefs import INSTALLED
 
 KNOWN = [name for name in INSTALLED if name in STORE.types]
@@ -46,7 +45,7 @@ def series_of(type_name: str, messages: list[bytes]) -> Series:
 
 
 @pytest.mark.parametrize("sizes", [2, None], ids=["equal", "varying"])
-@every("type_name", KNOWN)
+@pytest.mark.parametrize("type_name", KNOWN)
 def test_every_value_of_every_type(type_name, sizes):
     rng = np.random.default_rng(zlib.crc32(type_name.encode()))
     messages = [random_message(type_name, rng, sizes) for _ in range(ROWS)]

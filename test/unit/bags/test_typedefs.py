@@ -11,7 +11,6 @@ from rosbags.typesys.store import Typestore
 
 from slip_bags.typedefs import dependencies, find_definition
 from slip_core.errors import InputError
-from test.support.every import every
 
 SHARE = next(parent / "share" for parent in Path(std_msgs.__file__).parents if (parent / "share/std_msgs").is_dir())
 INSTALLED = sorted(f"{path.parts[-3]}/msg/{path.stem}" for path in SHARE.glob("*/msg/*.msg"))
@@ -38,7 +37,7 @@ def test_dependencies_are_found_in_every_form_of_field():
     assert dependencies(text, "pkg") == ["other/Type", "pkg/Header", "pkg/Point"]
 
 
-@every("type_name", INSTALLED)
+@pytest.mark.parametrize("type_name", INSTALLED)
 def test_hash_is_what_an_independent_library_computes_from_our_text(type_name):
     definition = find_definition(type_name)
     store = Typestore()

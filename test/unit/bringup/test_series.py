@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from slip_bags.reader import Bag
-from slip_bags.writer import BagWriter, WriterOptions
+from slip_bags.writer import BagWriter
 from slip_vic.run.picture import write_report
 from slip_vic.run.series import read_series, rotation_angle_about
 
@@ -28,7 +28,7 @@ def test_messages_that_a_recorder_missed_leave_series_of_one_length(tmp_path: Pa
     whole = read_series(RECORDED)
     missed = {"/slip_truth": (700,), "/object_state": (300, 301), "/effort_command": (5,), "/controller/scalars": (9,)}
     with Bag(RECORDED) as bag:
-        writer = BagWriter(tmp_path / "bag", WriterOptions())
+        writer = BagWriter(tmp_path / "bag")
         for info in bag.topics.values():
             writer.add_topic(info, bag.schema_text(info.name))
         seen = dict.fromkeys(bag.topics, -1)

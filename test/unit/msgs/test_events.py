@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from slip_bags.recording.listeners import Listener
 from slip_core.incidents import Incident
 from slip_msgs_py import events
 from slip_msgs_py.events import Done, Failed, Progress, Ready, Started, Status, Warned, decode, emit, encode, warn
@@ -60,7 +59,7 @@ def test_warnings_of_recorder_and_set_up_reach_the_result(
 ) -> None:
     """What the children print is what the launcher reads."""
     monkeypatch.setenv(events.EVENTS_VARIABLE, "1")
-    Listener().warning("topic /x has several types")
+    warn("recorder", "topic /x has several types")
     warn("slip_sim_bridge.node", "core 7 is not available")
     launcher = Launcher(load_scenario("paper_planar"))
     for line in capsys.readouterr().out.splitlines():

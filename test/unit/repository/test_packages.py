@@ -63,8 +63,7 @@ AUTHOR = "slip-vic contributors"
 # inside of a wheel, the URDF that scenarios name by package://.
 UNSEEN = {
     "slip_msgs_py": {row.type.partition("/")[0] for row in TOPICS.values()},
-    "slip_bags": {"pyarrow"},
-    "slip_vic": {"uplot", "slip_description"},
+    "slip_vic": {"uplot", "slip_description", "pyarrow"},
     "slip_description": {"joint_state_publisher_gui", "robot_state_publisher", "rviz2"},
 }
 

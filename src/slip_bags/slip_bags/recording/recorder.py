@@ -1,169 +1,123 @@
 """The recorder: find topics, subscribe with fitting QoS, drain everything every `POLL_S` into a bag.
 
 No executor and no decoding. The order in the file is the order of reception. A topic's QoS list and type
-hash are frozen when its first message is written.
+hash are those at its first discovery.
 """
 
 from __future__ import annotations
 
-import functools
-import importlib
-import re
+import json
+import shutil
 import time
-from collections.abc import Callable, Collection
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field
 from operator import itemgetter
+from pathlib import Path
 from typing import Any, Final
 
 from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.type_hash import TypeHash
+from std_msgs.msg import String
 
 from slip_bags.format import QosProfile, TopicInfo
-from slip_bags.patterns import check_patterns
-from slip_bags.reader import RawMessage
+from slip_bags.provenance import provenance
+from slip_bags.recording import QUEUE_DEPTH
 from slip_bags.recording.loss_counter import LossCounter
-from slip_bags.recording.raw_subscription import Arrival
-from slip_bags.recording.subscription import Offer, TopicSubscription
-from slip_bags.transforms import Transforms, tf_topic
-from slip_bags.typedefs import MessageDefinition, find_definition, split_type_name
-from slip_bags.writer import BagWriter
+from slip_bags.recording.raw_subscription import Arrival, RawSubscription, recording_qos
+from slip_bags.typedefs import find_definition, message_class
+from slip_bags.writer import BagWriter, StorageError
 from slip_core.errors import InputError
+from slip_msgs_py import events
 
+READY_TOPIC: Final = "recorder/ready"
 POLL_S: Final = 0.02  # between two polls
-DISCOVERY_EAGER_S: Final = 0.02  # while a requested topic is missing
-DISCOVERY_S: Final = 0.1  # while any topic may still appear
-LOOK_S: Final = 0.5  # for publishers that took another's place unnoticed
-_QUIET_S: Final = 0.03  # nothing for so long: nothing more is under way
+DISCOVERY_S: Final = 0.1  # between two discoveries, once every requested topic is found
+FOLLOW_S: Final = 0.5  # between two readings of every publisher's QoS
+FLUSH_S: Final = 1.0
+MIN_FREE_BYTES: Final = 64 << 20
+_QUIET_S: Final = 0.03  # after this time without a message none is on its way
 _LAST_S: Final = 0.5
-_UNANNOUNCED_S: Final = 1.0  # a message may precede the discovery data of its publisher by less than this
-
-
-@dataclass(frozen=True, slots=True)
-class Selection:
-    """What to record: topics by name (with type where known), or all that match."""
-
-    topics: tuple[tuple[str, str | None], ...] = ()
-    everything: bool = False
-    regex: str = ""
-    exclude_regex: str = ""
-    include_hidden: bool = False
-
-    def check(self) -> None:
-        """Find what is wrong before anything is made.
-
-        Raises:
-            InputError: a type that is not installed, or a regular expression that is none.
-        """
-        for _, type_name in self.topics:
-            if type_name is not None:
-                find_definition(type_name)
-        check_patterns(regex=self.regex, exclude_regex=self.exclude_regex)
-
-    def wants(self, topic: str) -> bool:
-        """Whether a discovered topic is to be recorded."""
-        if self.exclude_regex and re.search(self.exclude_regex, topic):
-            return False
-        if any(topic == name for name, _ in self.topics):
-            return True
-        if not self.include_hidden and any(part.startswith("_") for part in topic.split("/")):
-            return False
-        return self.everything or bool(self.regex and re.search(self.regex, topic))
 
 
 @dataclass(slots=True)
 class _Topic:
-    """One recorded topic."""
+    """One recorded topic: its subscription with the QoS it requests, and its publishers."""
 
-    name: str
-    definition: MessageDefinition
-    subscription: TopicSubscription
-    announced: bool = False
-    held: list[Arrival] = field(default_factory=list)
-    held_since: float = 0.0
+    message_class: type
+    subscription: RawSubscription
+    reliable: bool
+    transient_local: bool
+    publishers: int = 0
     largest_batch: int = 0
     loss: LossCounter = field(default_factory=LossCounter)
 
 
 class Recorder:
-    """Records from `node` (added to no executor) into `writer`.
+    """Records from `node` (in no executor) into `writer`.
 
     Args:
         node: a node of the caller; only subscriptions are made on it.
         writer: the open bag.
-        selection: what to record.
+        topics: names of the topics to record.
+        everything: record every topic, except hidden ones (a part of the name starts with an underscore).
         queue_depth: messages the middleware keeps per topic between two polls.
-        warn: called with one line where something is not recorded as wished.
-        ignored: topics that are not recorded although they match.
-        transforms: whether `/tf` is made of joint states and odometry and written too.
+        warn: called with one line where a topic is not recorded as requested.
+        ignored: topics that `everything` leaves out.
     """
 
     def __init__(
         self,
         node: Node,
         writer: BagWriter,
-        selection: Selection,
+        topics: Sequence[str],
         *,
+        everything: bool,
         queue_depth: int,
         warn: Callable[[str], None],
         ignored: Collection[str] = (),
-        transforms: bool = False,
     ) -> None:
         self._node, self._writer, self._warn = node, writer, warn
-        self._named = {node.resolve_topic_name(name): kind for name, kind in selection.topics}
-        self._selection = replace(selection, topics=tuple(self._named.items()))
-        self._depth = queue_depth
+        self._named = {node.resolve_topic_name(name) for name in topics}
+        self._everything, self._depth = everything, queue_depth
         self._ignored = {node.resolve_topic_name(name) for name in ignored}
         self._topics: dict[str, _Topic] = {}
         self._warned: set[str] = set()
-        self._next_discovery = self._next_look = 0.0
+        self._next_discovery = self._next_follow = 0.0
         self._last_poll: float | None = None
         self._longest_gap_s = 0.0
-        self._transforms = Transforms({}) if transforms else None
-        self._transforms_made = 0
-        for name, type_name in self._named.items():
-            if type_name is not None:
-                self._subscribe(name, type_name)
 
     @property
     def ready(self) -> bool:
-        """Whether every topic asked for by name has a publisher, matched by the subscription that stays."""
-        return all(name in self._topics and self._topics[name].subscription.matched for name in self._named)
+        """Whether every topic requested by name has a publisher, and all of them are matched."""
+        return all(
+            (topic := self._topics.get(name)) is not None
+            and topic.subscription.publisher_count() >= max(topic.publishers, 1)
+            for name in self._named
+        )
 
     def poll(self) -> int:
-        """Discover where due, drain all topics, write in order of reception; returns the number written."""
+        """Discover where due, drain all topics, write in order of reception; return the number written.
+
+        Raises:
+            StorageError: the disk refuses.
+        """
         now = time.monotonic()
         if self._last_poll is not None:
             self._longest_gap_s = max(self._longest_gap_s, now - self._last_poll)
         self._last_poll = now
         if now >= self._next_discovery:
             self._discover(now)
-            self._next_discovery = now + (DISCOVERY_S if self.ready else DISCOVERY_EAGER_S)
+            self._next_discovery = now + (DISCOVERY_S if self.ready else POLL_S)
         batch: list[tuple[int, str, Arrival]] = []
-        for topic in self._topics.values():
-            batch += [(arrival.received_ns, topic.name, arrival) for arrival in self._drain(topic, now)]
-        batch.sort(key=itemgetter(0))
-        for received_ns, name, arrival in batch:
-            self._writer.write(name, received_ns, arrival.sent_ns, arrival.sequence, arrival.data)
-            if self._transforms is not None:
-                self._transform(self._transforms, name, arrival)
+        for name, topic in self._topics.items():
+            batch += self._drain(name, topic)
+        self._write(batch)
         return len(batch)
 
-    def _transform(self, transforms: Transforms, name: str, arrival: Arrival) -> None:
-        """Write what a message says of frames; what cannot be said costs a warning, not the recording."""
-        raw = RawMessage(name, arrival.received_ns, arrival.sent_ns, arrival.sequence, arrival.data)
-        try:
-            for made in transforms.feed(raw):
-                if not self._writer.has_topic(made.topic):
-                    self._writer.add_topic(*tf_topic())
-                self._transforms_made += 1
-                self._writer.write(made.topic, made.log_time_ns, made.publish_time_ns, made.sequence, made.data)
-        except InputError as error:
-            self._warn_once(f"no more transforms: {error}")
-            self._transforms = None
-
     def finish(self) -> dict[str, Any]:
-        """Drain a last time, unsubscribe, announce topics without messages; returns the summary. The bag stays open."""
+        """Drain a last time and unsubscribe; return the summary. The bag stays open."""
         now = time.monotonic()
         end, quiet = now + _LAST_S, now + _QUIET_S
         while (now := time.monotonic()) < min(quiet, end):
@@ -171,122 +125,106 @@ class Recorder:
                 quiet = now + _QUIET_S
             time.sleep(_QUIET_S / 10.0)
         for topic in self._topics.values():
-            if topic.subscription.offers or topic.held:
-                for arrival in self._release(topic):
-                    self._writer.write(topic.name, arrival.received_ns, arrival.sent_ns, arrival.sequence, arrival.data)
             topic.subscription.close()
         return self.summary()
 
     def totals(self) -> tuple[int, int]:
-        """Messages received and messages known to be lost."""
+        """Return the messages received and the messages known to be lost."""
         counters = [topic.loss for topic in self._topics.values()]
         return sum(counter.received for counter in counters), sum(counter.lost or 0 for counter in counters)
 
     def summary(self) -> dict[str, Any]:
-        """Counters of the run: per topic and total; `lost` is None where it cannot be known."""
+        """Return the counters of the run, per topic and total; `lost` is None where it is unknown."""
         topics = {
-            topic.name: {
+            name: {
                 "messages": topic.loss.received,
                 "lost": topic.loss.lost,
                 "missed_at_start": topic.loss.missed_at_start,
                 "largest_batch": topic.largest_batch,
             }
-            for topic in sorted(self._topics.values(), key=lambda topic: topic.name)
+            for name, topic in sorted(self._topics.items())
         }
         messages, lost = self.totals()
         return {
             "messages": messages,
             "lost": lost,
             "lost_unknown": [name for name, topic in topics.items() if topic["lost"] is None],
-            "never_published": [name for name in self._named if not self._published(name)],
-            **({"transforms": self._transforms_made} if self._transforms_made else {}),
+            "never_published": sorted(self._named - self._topics.keys()),
             "queue_depth": self._depth,
             "largest_batch": max((topic.largest_batch for topic in self._topics.values()), default=0),
             "longest_gap_ms": round(self._longest_gap_s * 1e3, 3),
             "topics": topics,
         }
 
-    def _published(self, name: str) -> bool:
-        topic = self._topics.get(name)
-        return topic is not None and bool(topic.subscription.offers or topic.loss.received)
+    def _wants(self, name: str) -> bool:
+        if name in self._named:
+            return True
+        return self._everything and name not in self._ignored and "/_" not in name
 
     def _discover(self, now: float) -> None:
         for name, type_names in self._node.get_topic_names_and_types():
-            if name in self._ignored or name in self._topics:
-                continue
-            if self._selection.wants(name) and self._node.count_publishers(name):
-                if len(type_names) == 1:
-                    self._subscribe(name, type_names[0])
-                else:
-                    self._warn_once(f"topic {name} has several types ({', '.join(type_names)}): not recorded")
-        whole = now >= self._next_look
-        if whole:
-            self._next_look = now + LOOK_S
-        for topic in self._topics.values():
-            # To ask for everything about every publisher costs more than to record; their number is cheap.
-            if whole or self._node.count_publishers(topic.name) != len(topic.subscription.offers):
-                topic.subscription.follow(now)
-                topic.loss.see_publishers(len(topic.subscription.offers))
+            if name not in self._topics and self._wants(name):
+                self._find(name, type_names)
+        follows = now >= self._next_follow
+        if follows:
+            self._next_follow = now + FOLLOW_S
+        for name, topic in self._topics.items():
+            # The number of publishers is cheap to read, their QoS is not.
+            if follows or self._node.count_publishers(name) != topic.publishers:
+                self._follow(name, topic)
 
-    def _subscribe(self, name: str, type_name: str) -> None:
+    def _find(self, name: str, type_names: Sequence[str]) -> None:
+        """Subscribe to a topic that has a publisher."""
+        infos = self._node.get_publishers_info_by_topic(name)
+        if not infos:
+            return
+        if len(type_names) > 1:
+            self._warn_once(f"topic {name} has several types ({', '.join(type_names)}): not recorded")
+            return
         try:
-            definition = find_definition(type_name)
-            package, kind = split_type_name(type_name)
-            message_class = getattr(importlib.import_module(f"{package}.msg"), kind)
-        except (InputError, ImportError, AttributeError) as error:
+            definition, kind = find_definition(type_names[0]), message_class(type_names[0])
+        except InputError as error:
             self._warn_once(f"topic {name} is not recorded: {error}")
             return
+        hashes = {_hash_text(info) for info in infos}
+        type_hash = hashes.pop() if len(hashes) == 1 else ""
+        if definition.type_hash not in (type_hash, ""):
+            self._warn_once(f"topic {name}: its publisher uses another version of {definition.name}")
+        offers = tuple(_offer(info) for info in infos)
+        self._writer.add_topic(TopicInfo(name, definition.name, offers, type_hash), definition.text)
+        reliable, transient_local = _common(infos)
+        subscription = self._subscribe(name, kind, reliable, transient_local)
+        self._topics[name] = topic = _Topic(kind, subscription, reliable, transient_local, len(infos))
+        topic.loss.see_publishers(len(infos))
 
-        def ask() -> tuple[Offer, ...]:
-            return self._offers(name, type_name)
-
-        subscription = TopicSubscription(self._node, message_class, name, self._depth, ask)
-        self._topics[name] = _Topic(name, definition, subscription)
-        if self._transforms is not None:
-            self._transforms.add_topic(name, type_name)
-
-    def _offers(self, name: str, type_name: str) -> tuple[Offer, ...]:
+    def _follow(self, name: str, topic: _Topic) -> None:
+        """Subscribe again where a publisher has joined that offers less than is requested."""
         infos = self._node.get_publishers_info_by_topic(name)
-        fitting = tuple(_offer(info) for info in infos if info.topic_type == type_name)
-        if len(fitting) != len(infos):
-            self._warn_once(f"topic {name}: publishers of other types than {type_name} are not recorded")
-        return fitting
+        topic.publishers = len(infos)
+        topic.loss.see_publishers(len(infos))
+        reliable, transient_local = _common(infos)
+        if (topic.reliable and not reliable) or (topic.transient_local and not transient_local):
+            self._warn_once(f"topic {name}: a publisher offers a weaker QoS; messages may be missing where it joined")
+            self._write(self._drain(name, topic))
+            topic.subscription.close()
+            topic.reliable, topic.transient_local = topic.reliable and reliable, False
+            topic.subscription = self._subscribe(name, topic.message_class, topic.reliable, False)
 
-    def _drain(self, topic: _Topic, now: float) -> list[Arrival]:
-        arrivals = topic.subscription.drain(now)
+    def _subscribe(self, name: str, kind: type, reliable: bool, transient_local: bool) -> RawSubscription:
+        qos = recording_qos(self._depth, reliable=reliable, transient_local=transient_local)
+        return RawSubscription(self._node, kind, name, qos)
+
+    def _drain(self, name: str, topic: _Topic) -> list[tuple[int, str, Arrival]]:
+        arrivals = list(topic.subscription.drain())
         topic.largest_batch = max(topic.largest_batch, len(arrivals))
         for arrival in arrivals:
             topic.loss.add(arrival)
-        return arrivals if topic.announced else self._announce(topic, arrivals, now)
+        return [(arrival.received_ns, name, arrival) for arrival in arrivals]
 
-    def _announce(self, topic: _Topic, arrivals: list[Arrival], now: float) -> list[Arrival]:
-        """Write the topic into the bag with its first message; until its publisher is known, hold messages back."""
-        if arrivals and not topic.held:
-            topic.held_since = now
-        topic.held += arrivals
-        if not topic.held:
-            return []
-        if not topic.subscription.offers:
-            topic.subscription.follow(now)
-            if not topic.subscription.offers and now < topic.held_since + _UNANNOUNCED_S:
-                return []
-        return self._release(topic)
-
-    def _release(self, topic: _Topic) -> list[Arrival]:
-        if not topic.announced:
-            self._writer.add_topic(self._topic_info(topic), topic.definition.text)
-            topic.announced = True
-        held, topic.held = topic.held, []
-        return held
-
-    def _topic_info(self, topic: _Topic) -> TopicInfo:
-        """Describe a topic by its publishers, as rosbag2 does; where their hashes differ there is none."""
-        offers, definition = topic.subscription.offers, topic.definition
-        hashes = {offer.type_hash for offer in offers} or {definition.type_hash}
-        type_hash = hashes.pop() if len(hashes) == 1 else ""
-        if definition.type_hash not in (type_hash, ""):
-            self._warn_once(f"topic {topic.name}: its publisher uses another version of {definition.name}")
-        return TopicInfo(topic.name, definition.name, tuple(offer.qos for offer in offers), type_hash)
+    def _write(self, batch: list[tuple[int, str, Arrival]]) -> None:
+        batch.sort(key=itemgetter(0))
+        for received_ns, name, arrival in batch:
+            self._writer.write(name, received_ns, arrival.sent_ns, arrival.sequence, arrival.data)
 
     def _warn_once(self, text: str) -> None:
         if text not in self._warned:
@@ -294,27 +232,100 @@ class Recorder:
             self._warn(text)
 
 
-@functools.lru_cache
-def _hash_text(version: int, value: bytes) -> str:
-    return str(TypeHash(version=version, value=value))
+def record(
+    node: Node,
+    output: Path,
+    topics: Sequence[str],
+    stop: Callable[[], bool],
+    *,
+    everything: bool = False,
+    queue_depth: int = QUEUE_DEPTH,
+    duration_s: float = 0.0,
+    custom_data: Mapping[str, str] | None = None,
+    attachments: Mapping[str, bytes] | None = None,
+) -> dict[str, Any]:
+    """Record until `stop` returns True or the duration has passed; return the summary, which the bag has too.
+
+    Args:
+        node: a node in no executor.
+        output: folder of the new bag.
+        topics: names of the topics to record.
+        stop: polled every `POLL_S`.
+        everything: record every topic that appears.
+        queue_depth: messages per topic that wait for the recorder.
+        duration_s: 0 means no limit [s].
+        custom_data: texts for ``metadata.yaml``.
+        attachments: files stored in the bag, by name.
+
+    Raises:
+        InputError: the output exists.
+        StorageError: the disk is full or refuses.
+    """
+    writer = BagWriter(output, {**provenance(), **(custom_data or {})}, attachments)
+    try:
+        recorder = Recorder(
+            node, writer, topics, everything=everything, queue_depth=queue_depth,
+            warn=lambda text: events.warn("recorder", text), ignored=(READY_TOPIC,),
+        )  # fmt: skip
+        start, start_cpu = time.monotonic(), time.process_time()
+        end = start + duration_s if duration_s else float("inf")
+        _loop(node, recorder, writer, lambda: stop() or time.monotonic() >= end)
+        cpu_share = (time.process_time() - start_cpu) / max(time.monotonic() - start, 1e-9)
+        summary = {**recorder.finish(), "cpu_share": round(cpu_share, 4)}
+        writer.custom_data["recorder"] = json.dumps(summary)
+        return {"bag": str(output), **summary}
+    finally:
+        writer.close()
 
 
-def _offer(info: TopicEndpointInfo) -> Offer:
-    """Turn rclpy's description of a publisher into ours."""
-    qos, found = info.qos_profile, info.topic_type_hash
-    type_hash = _hash_text(found.version, bytes(found.value))
-    return Offer(
-        gid=tuple(info.endpoint_gid),
-        type_hash=type_hash if type_hash.startswith("RIHS") else "",
-        qos=QosProfile(
-            reliability=qos.reliability.name.lower(),
-            durability=qos.durability.name.lower(),
-            history=qos.history.name.lower(),
-            depth=qos.depth,
-            deadline_ns=qos.deadline.nanoseconds,
-            lifespan_ns=qos.lifespan.nanoseconds,
-            liveliness=qos.liveliness.name.lower(),
-            liveliness_lease_ns=qos.liveliness_lease_duration.nanoseconds,
-            avoid_ros_namespace_conventions=qos.avoid_ros_namespace_conventions,
-        ),
+def _loop(node: Node, recorder: Recorder, writer: BagWriter, is_over: Callable[[], bool]) -> None:
+    latched = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    ready_publisher = node.create_publisher(String, READY_TOPIC, latched)
+    announced = False
+    next_flush = time.monotonic() + FLUSH_S
+    while not is_over():
+        recorder.poll()
+        if not announced and recorder.ready:
+            announced = True
+            ready_publisher.publish(String(data="ready"))
+            events.emit(events.Ready())
+        if time.monotonic() >= next_flush:
+            free = shutil.disk_usage(writer.folder).free
+            if free < MIN_FREE_BYTES:
+                raise StorageError(
+                    f"bag {writer.folder}: {free >> 20} MiB left on the disk, less than {MIN_FREE_BYTES >> 20}; "
+                    "recording stopped, bag closed and readable"
+                )
+            writer.flush()
+            next_flush = time.monotonic() + FLUSH_S
+            events.emit(events.Status(*recorder.totals()))
+        time.sleep(POLL_S)
+
+
+def _common(infos: Sequence[TopicEndpointInfo]) -> tuple[bool, bool]:
+    """Return whether every publisher is reliable, and whether every one is transient local."""
+    return (
+        all(info.qos_profile.reliability == ReliabilityPolicy.RELIABLE for info in infos),
+        all(info.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for info in infos),
+    )
+
+
+def _hash_text(info: TopicEndpointInfo) -> str:
+    """Return the RIHS01 text of a publisher's type hash, "" where it is not known."""
+    text = str(TypeHash(version=info.topic_type_hash.version, value=bytes(info.topic_type_hash.value)))
+    return text if text.startswith("RIHS") else ""
+
+
+def _offer(info: TopicEndpointInfo) -> QosProfile:
+    qos = info.qos_profile
+    return QosProfile(
+        reliability=qos.reliability.name.lower(),
+        durability=qos.durability.name.lower(),
+        history=qos.history.name.lower(),
+        depth=qos.depth,
+        deadline_ns=qos.deadline.nanoseconds,
+        lifespan_ns=qos.lifespan.nanoseconds,
+        liveliness=qos.liveliness.name.lower(),
+        liveliness_lease_ns=qos.liveliness_lease_duration.nanoseconds,
+        avoid_ros_namespace_conventions=qos.avoid_ros_namespace_conventions,
     )

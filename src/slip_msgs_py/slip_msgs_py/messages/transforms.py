@@ -1,4 +1,4 @@
-"""tf2_msgs/msg/TFMessage without its package, which is on no package index: the schema's text and its bytes."""
+"""tf2_msgs/msg/TFMessage without its package, which is on no package index: its bytes."""
 
 from __future__ import annotations
 
@@ -11,11 +11,7 @@ import numpy as np
 from slip_core.arrays import Array
 from slip_core.stamps import split_ns
 
-TOPIC: Final = "/tf"
 TYPE: Final = "tf2_msgs/msg/TFMessage"
-TEXT: Final = "geometry_msgs/TransformStamped[] transforms\n"
-"""The message's definition; its only dependency is in geometry_msgs."""
-TYPE_HASH: Final = "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087"
 _HEADER_BYTES, _STAMP_BYTES, _POSE_BYTES = 4, 8, 56
 
 

@@ -67,9 +67,8 @@ def recorder_command(scenario: Scenario, bag: Path, folder: Path, namespace: str
     attachments = {**scenario.descriptions, "scenario.yaml": scenario.text}
     for key, params in (("controller", scenario.controller), ("bridge", scenario.bridge)):
         attachments[f"{key}.params.yaml"] = ros_parameter_file(params, NODES[key][0])
-    arguments = ["record", "--tf", "--out", str(bag)]
-    for name, kind in recorded_topics(scenario):
-        arguments += ["--typed", name, kind]
+    arguments = ["record", "--out", str(bag)]
+    arguments += [name for name, _ in recorded_topics(scenario)]
     for name, text in attachments.items():
         path = folder / f"attachment.{name}"
         path.write_text(text, encoding="utf-8")

@@ -1,1 +1,0 @@
-"""Play a bag on time: schedule, read-ahead, keys."""

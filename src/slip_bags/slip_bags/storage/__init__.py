@@ -1,1 +1,0 @@
-"""MCAP files: written, read by their index, and what can be saved of a damaged one."""
