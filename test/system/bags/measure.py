@@ -1,8 +1,6 @@
-"""Measurements of docs/bags.md: ``python test/system/bags/measure.py load|kill|play|storage``; nothing is asserted.
+"""Measurements of docs/bags.md: ``python test/system/bags/measure.py load|storage``; nothing is asserted.
 
 load   topics at a fixed rate from one process into the recorder: losses and the recorder's CPU share
-kill   the same, killed at random moments and recovered: how many seconds were lost
-play   the player's timing errors, alone on this machine
 storage CPU time per message of a recorded run, written and read, and to open it
 """
 
