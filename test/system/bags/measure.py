@@ -1,4 +1,4 @@
-"""Measurements of docs/bags.md: ``python test/system/bags/measure.py load|storage``; nothing is asserted.
+"""Measurements of recording and storage: ``python test/system/bags/measure.py load|storage``; nothing is asserted.
 
 load   topics at a fixed rate from one process into the recorder: losses and the recorder's CPU share
 storage CPU time per message of a recorded run, written and read, and to open it
