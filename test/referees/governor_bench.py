@@ -11,8 +11,11 @@ from slip_core.records import Mat3, Real, Record, Vec3, dtype_of, new, record
 from slip_core.vectors import ZERO, Spatial, Vec, mat, put_spatial, spatial, vec
 from slip_vic_controller.governor import governor as g
 from slip_vic_controller.governor.friction_estimate import Friction, slip_sample
+from slip_vic_controller.governor.guard import hold_back
+from slip_vic_controller.governor.layouts import GOVERNOR, GOVERNOR_CONFIG, PAD
 from slip_vic_controller.governor.load import ALONE, Held, load, size, surface
-from slip_vic_controller.governor.path_grid import GRID_POINTS, PATH_GRID, Governing, along
+from slip_vic_controller.governor.plan import GRID_POINTS, PATH_GRID, Governing, along, sample_time
+from slip_vic_controller.governor.step import Pad
 
 PAPER_PLANAR = SimpleNamespace(
     mass=0.5, inertia=np.diag([2e-3] * 3), r=np.array([-0.02, 0.0, 0.0]), radius=0.03, force=0.25,
@@ -23,13 +26,13 @@ PAPER_PLANAR = SimpleNamespace(
 
 def configuration(case, **changes):
     """Return a GOVERNOR_CONFIG buffer of a case with the defaults of the page."""
-    buffer = new(g.GOVERNOR_CONFIG)
-    config = record(buffer, g.GOVERNOR_CONFIG)
+    buffer = new(GOVERNOR_CONFIG)
+    config = record(buffer, GOVERNOR_CONFIG)
     config.mode, config.margin, config.path_margin, config.given_up = Governing.SLOW_DOWN, 0.95, 0.97, 0.985
     config.radius, config.slip_axes[:], config.gravity[:] = case.radius, case.axes, case.gravity
     config.duration, config.length, config.floor, config.most_grip = 2.0, 0.1, 0.05, 1.0
     config.most_speed = config.most_turning = 1e3
-    config.points_per_cycle, config.window, config.led = 25, 1, 1
+    config.window, config.led = 1, 1
     e = config.estimate
     e.friction, e.configured, e.kept, e.least, e.probe = Friction.LEARNT, case.force, 0.95, 0.02 * case.force, 0.01
     e.threshold, e.quiet_ns, e.sensor_delay_ns, e.trust = 5e-5, 50_000_000, 0, 0.5
@@ -58,69 +61,67 @@ def _held(grasped):
 
 @kernel(VOID(IN1, OUT1, OUT1, IN1, IN2))
 def _start(config, state, pad, grasped, R):
-    c, s = record(config, g.GOVERNOR_CONFIG), record(state, g.GOVERNOR)
+    c, s = record(config, GOVERNOR_CONFIG), record(state, GOVERNOR)
     weights = surface(spatial(c.slip_axes), c.radius)
     at_rest = load(_held(record(grasped, OBJECT)), weights, mat(R), ZERO, vec(c.gravity), Spatial(ZERO, ZERO))
-    p = record(pad, g.PAD)
+    p = record(pad, PAD)
     g.start_pad(c, p, size(at_rest), False, 1.0)
     g.start_governor(c, s, p)
 
 
-@kernel(VOID(IN1, OUT1, OUT1, IN1, IN2, IN1, IN1))
-def _next_point(config, state, grid, grasped, R, twist, acceleration):
-    c, s, held = record(config, g.GOVERNOR_CONFIG), record(state, g.GOVERNOR), _held(record(grasped, OBJECT))
-    g.next_point(c, s, record(grid, PATH_GRID), held, mat(R), spatial(twist), spatial(acceleration))
+@kernel(VOID(IN1, OUT1, OUT1, IN1, INT, IN2, IN1, IN1))
+def _sample(config, state, grid, grasped, i, R, twist, acceleration):
+    c, s, held = record(config, GOVERNOR_CONFIG), record(state, GOVERNOR), _held(record(grasped, OBJECT))
+    g.sample_point(c, s, record(grid, PATH_GRID), i, held, mat(R), spatial(twist), spatial(acceleration))
 
 
 @kernel(VOID(IN1, OUT1, OUT1, IN1, IN1, IN2, IN1, IN1, IN1, IN2, IN1, REAL, REAL))
 def _before(config, state, grid, pad, grasped, R, twist, acceleration, x_e, R_ee, v_ee, most_rate, dt):
-    c, s, held = record(config, g.GOVERNOR_CONFIG), record(state, g.GOVERNOR), _held(record(grasped, OBJECT))
+    c, s, held = record(config, GOVERNOR_CONFIG), record(state, GOVERNOR), _held(record(grasped, OBJECT))
     at = along(c, c.duration, s.time, mat(R), spatial(twist), spatial(acceleration))
-    seen = g.Pad(vec(x_e), mat(R_ee), spatial(v_ee), spatial(record(pad, g.PAD).feedback))
+    seen = Pad(vec(x_e), mat(R_ee), spatial(v_ee), spatial(record(pad, PAD).feedback))
     g.run(c, s, record(grid, PATH_GRID), held, at, seen, most_rate, dt)
 
 
 @kernel(VOID(IN1, IN1, IN2, IN1, IN1, OUT1))
 def _reference(config, state, R, twist, acceleration, out):
-    c, s = record(config, g.GOVERNOR_CONFIG), record(state, g.GOVERNOR)
+    c, s = record(config, GOVERNOR_CONFIG), record(state, GOVERNOR)
     v, a = g.governed(c, s, along(c, c.duration, s.out_time, mat(R), spatial(twist), spatial(acceleration)))
     put_spatial(out[:6], v)
     put_spatial(out[6:], a)
 
 
 @kernel(VOID(IN1, OUT1, OUT1))
-def _plan_all(config, state, grid):
-    c, s = record(config, g.GOVERNOR_CONFIG), record(state, g.GOVERNOR)
-    for _ in range(100 * GRID_POINTS):
-        if s.phase != g.Phase.READY:
-            g.plan(c, s, record(grid, PATH_GRID))
+def _plan(config, state, grid):
+    c, s = record(config, GOVERNOR_CONFIG), record(state, GOVERNOR)
+    g.plan(c, s, record(grid, PATH_GRID))
 
 
 @kernel(VOID(IN1, OUT1, OUT1, IN1, INT))
-def _feel(config, state, pad, h_ee, now_ns):
-    c, s, p = record(config, g.GOVERNOR_CONFIG), record(state, g.GOVERNOR), record(pad, g.PAD)
+def _record_load(config, state, pad, h_ee, now_ns):
+    c, s, p = record(config, GOVERNOR_CONFIG), record(state, GOVERNOR), record(pad, PAD)
     p.estimate = s.estimate
-    g.feel(c, p, spatial(h_ee), now_ns)
+    g.record_load(c, p, spatial(h_ee), now_ns)
     s.estimate = p.estimate
 
 
 @kernel(BOOL(IN1, OUT1, OUT1, INT, REAL))
 def _slip(config, state, pad, stamp_ns, speed):
-    c, s, p = record(config, g.GOVERNOR_CONFIG), record(state, g.GOVERNOR), record(pad, g.PAD)
+    c, s, p = record(config, GOVERNOR_CONFIG), record(state, GOVERNOR), record(pad, PAD)
     return slip_sample(c.estimate, s.estimate, p.loads, stamp_ns, Spatial(Vec(speed, 0.0, 0.0), ZERO), False)
 
 
 @kernel(REAL(IN1, OUT1, OUT1, IN1, IN2, IN1, IN1, IN1))
 def _hold_back(config, state, pad, grasped, R, w, a_C, a_d):
-    c, s, held = record(config, g.GOVERNOR_CONFIG), record(state, g.GOVERNOR), _held(record(grasped, OBJECT))
-    p = record(pad, g.PAD)
+    c, s, held = record(config, GOVERNOR_CONFIG), record(state, GOVERNOR), _held(record(grasped, OBJECT))
+    p = record(pad, PAD)
     p.estimate = s.estimate
-    return g.hold_back(c, s.ceiling, p, held, mat(R), vec(w), spatial(a_C), spatial(a_d), p.estimate.slipping != 0)
+    return hold_back(c, s.ceiling, p, held, mat(R), vec(w), spatial(a_C), spatial(a_d), p.estimate.slipping != 0)
 
 
 @kernel(VOID(IN1, IN1, IN2, IN1, IN1, OUT1))
 def _load(config, grasped, R, w, a, out):
-    c = record(config, g.GOVERNOR_CONFIG)
+    c = record(config, GOVERNOR_CONFIG)
     weights = surface(spatial(c.slip_axes), c.radius)
     put_spatial(out, load(_held(record(grasped, OBJECT)), weights, mat(R), vec(w), vec(c.gravity), spatial(a)))
 
@@ -132,11 +133,11 @@ class Governor:
         self.path, self.case, self.dt = path, case, dt
         self.buffers = (
             configuration(case, **{"duration": path.duration, **changes}),
-            new(g.GOVERNOR),
+            new(GOVERNOR),
             new(PATH_GRID),
-            new(g.PAD),
+            new(PAD),
         )
-        layouts = (g.GOVERNOR_CONFIG, g.GOVERNOR, PATH_GRID, g.PAD)
+        layouts = (GOVERNOR_CONFIG, GOVERNOR, PATH_GRID, PAD)
         views = [record(b, d) for b, d in zip(self.buffers, layouts, strict=True)]
         self.config, self.state, self.grid, self.pad = views
         self.grasped = new(OBJECT)
@@ -147,13 +148,13 @@ class Governor:
         self.sample()
 
     def sample(self):
-        while g.wants_points(self.state):
-            _, R, v, a = self.path.at(g.wanted_time(self.config, self.state))
-            _next_point(*self.buffers[:3], self.grasped, np.ascontiguousarray(R), v, a)
+        for i in range(GRID_POINTS):
+            _, R, v, a = self.path.at(sample_time(self.config.mode, i, float(self.state.duration)))
+            _sample(*self.buffers[:3], self.grasped, i, np.ascontiguousarray(R), v, a)
 
     def plan(self):
-        """Plan to the end at once."""
-        _plan_all(*self.buffers[:3])
+        """Plan the path; a cycle does it too."""
+        _plan(*self.buffers[:3])
         return self
 
     @property
@@ -173,9 +174,9 @@ class Governor:
         _reference(config, state, np.ascontiguousarray(R_d), v_d, a_d, out)
         return p, R_d, out[:6], out[6:]
 
-    def feel(self, h_ee, now_ns):
+    def record_load(self, h_ee, now_ns):
         config, state, _, pad = self.buffers
-        _feel(config, state, pad, h_ee, now_ns)
+        _record_load(config, state, pad, h_ee, now_ns)
 
     def after(self, a_C, a_d, R, w):
         config, state, _, pad = self.buffers

@@ -21,9 +21,9 @@ from slip_vic_controller.arm.tare import TareConfig
 from slip_vic_controller.contact.config import observer_config, witnesses
 from slip_vic_controller.contact.layouts import OBSERVER_CONFIG
 from slip_vic_controller.governor.friction_estimate import Friction
-from slip_vic_controller.governor.governor import MAX_WINDOW, GovernorConfig
 from slip_vic_controller.governor.grip import GripConfig
-from slip_vic_controller.governor.path_grid import Governing
+from slip_vic_controller.governor.layouts import MAX_WINDOW, GovernorConfig
+from slip_vic_controller.governor.plan import Governing
 from slip_vic_controller.interfaces import fill_wrench_sensor
 from slip_vic_controller.law.bounds import (
     DRIVE_SHARE,
@@ -53,7 +53,6 @@ LEAST_SHARE, TRUST = 0.02, 0.5
 """Least friction that is accepted, of the configured one; least load of the model, of the measured one."""
 PATH_LENGTH_M, PATH_FLOOR_M_S = 0.1, 0.05
 """Time-optimal: length that makes turning a way, and the speed at which the path continues where it turns back."""
-POINTS_PER_CYCLE = 25
 LONGEST_LOOP_S = 0.02
 """Delay of the compensation's loop, from slip to its answer, above which the governor works without it."""
 UNTOLD_S = 0.003
@@ -400,7 +399,6 @@ def _fill_governor(governor: GovernorConfig, params: ControllerParams) -> None:
     governor.duration, governor.length, governor.floor = last, PATH_LENGTH_M, PATH_FLOOR_M_S
     governor.most_speed, governor.most_turning = BRAKED_FROM * limits.speed_linear, BRAKED_FROM * limits.speed_angular
     governor.most_grip = params.grip.force_limit / params.grip.nominal_force if params.grip.control == "follow" else 1.0
-    governor.points_per_cycle = POINTS_PER_CYCLE
     governor.window = min(max(1, round(given.window_s / params.control_period_s)), MAX_WINDOW)
     # Several arms without a common path pull the object apart, and no way is left to brake in.
     governor.led = int(len(params.contacts.position) == 3)

@@ -11,9 +11,9 @@ from slip_vic_controller.arm.command import CommandConfig, MotionCommand
 from slip_vic_controller.arm.joint_estimate import EstimatorConfig, JointEstimate, PublishedJoints
 from slip_vic_controller.arm.tare import Tare, TareConfig
 from slip_vic_controller.contact.layouts import Motion, Observer, ObserverConfig
-from slip_vic_controller.governor.governor import GovernedPad, Governor, GovernorConfig
 from slip_vic_controller.governor.grip import Grip, GripConfig
-from slip_vic_controller.governor.path_grid import PathGrid
+from slip_vic_controller.governor.layouts import GovernedPad, Governor, GovernorConfig
+from slip_vic_controller.governor.plan import PathGrid
 from slip_vic_controller.interfaces import WrenchSensor
 from slip_vic_controller.law.arm import Arm
 from slip_vic_controller.law.config import LawConfig
@@ -244,6 +244,7 @@ class Governed(Record):
     goal: Real  # number of the goal under way
     goal_phase: Real  # its GoalPhase
     goal_progress: Real  # share of its path that is done
+    limit: Real  # Limit that leaves no acceleration of the path; 0 = none
 
 
 GOVERNED = dtype_of(Governed)

@@ -15,7 +15,7 @@ def digests() -> list[str]:
     G = Governor(BentPath([0.2, -0.3, 0.1, 0.2, -0.1, 0.5], 1.0, [0.03] * 6), PAPER_PLANAR, mode=Governing.TIME_OPTIMAL)
     for k in range(60):
         _, R, v, a = G.before()
-        G.feel(np.array([0.1, 0, 0, 0, 0, 0.001 * k]), k * 1_000_000)
+        G.record_load(np.array([0.1, 0, 0, 0, 0, 0.001 * k]), k * 1_000_000)
         G.slip(k * 1_000_000, 1e-3 * (k == 40))
         G.after(1.1 * a, a, R, v[3:])
     return [hashlib.sha256(b"".join(buffer.tobytes() for buffer in G.buffers)).hexdigest()]

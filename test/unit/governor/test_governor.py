@@ -1,4 +1,4 @@
-"""The governor in closed loop in a plane, in 6D without one, and every trap of its design page."""
+"""The governor in closed loop: in a plane with friction, and in 6D with a hand that follows its reference."""
 
 from types import SimpleNamespace
 
@@ -9,16 +9,15 @@ from hypothesis import strategies as st
 
 from slip_vic_controller.governor import governor
 from slip_vic_controller.governor.friction_estimate import provisional
-from slip_vic_controller.governor.guard import missing_load
-from slip_vic_controller.governor.path_grid import path_time
+from slip_vic_controller.governor.guard import BRAKES
+from slip_vic_controller.governor.plan import path_time
+from slip_vic_controller.governor.step import OVER
 from test.referees.governor_bench import PAPER_PLANAR, Friction, Governing, Governor
 from test.referees.governor_paths import BentPath
 from test.referees.planar_governed import (
-    FLAG,
     PAPER,
     TO,
     VERTICAL,
-    row,
     run,
     uniform,
 )  # fmt: skip
@@ -55,8 +54,8 @@ def on_its_way(cycles):
     return G, R, v, a
 
 
-def test_known_friction_holds_and_arrives_in_time() -> None:
-    q = row("governor TO", end=2.1)
+def test_known_friction_holds() -> None:
+    q = run(PAPER, margin=1.0, end=2.1, **TO)
     assert q.slip_mm < STICKS_MM
     assert q.arrive < 2.00
     assert q.overshoot_mm < 0.05
@@ -65,26 +64,26 @@ def test_known_friction_holds_and_arrives_in_time() -> None:
 
 
 def test_learnt_friction_costs_microns() -> None:
-    q = row("friction -40 %, TO", end=2.9)
+    q = run(PAPER, friction=0.6, end=2.9, **TO)
     assert q.slip_mm < STICKS_MM
     assert q.arrive < 2.9
-    assert q.events == 1
+    assert q.governor.state.estimate.events == 1
 
 
-def test_a_mere_flag_is_enough() -> None:
-    q = run(PAPER, friction=0.6, sensor=FLAG, law="classical", end=3.0)
+def test_flag_is_enough() -> None:
+    q = run(PAPER, friction=0.6, flag=True, law="classical", end=3.0)
     assert q.slip_mm < 0.31
     assert q.arrive < 3.0
 
 
-def test_a_wrong_mass_is_absorbed_by_the_units_of_the_limit() -> None:
+def test_wrong_mass_is_absorbed() -> None:
     """The limit is learnt in the model's own load: measured alone it would be 25 % too high for a heavy object."""
     q = run(PAPER, mass=1.4, end=2.6)
     assert q.slip_mm < STICKS_MM
     assert q.worst <= 1 + ROUNDING
 
 
-def test_friction_that_falls_half_way_costs_margin_first_and_the_end_of_the_path_last() -> None:
+def test_falling_friction_overruns_and_returns() -> None:
     q = run(PAPER, falls=(1.0, 0.6), end=4.5)
     assert q.slip_mm < STICKS_MM
     assert q.overrun
@@ -92,13 +91,13 @@ def test_friction_that_falls_half_way_costs_margin_first_and_the_end_of_the_path
     assert q.arrive < 5.0
 
 
-def test_without_margin_in_the_backward_pass_no_reserve_is_left_for_braking() -> None:
+def test_backward_pass_keeps_margin() -> None:
     """With p = 1 braking takes all that there is, and nothing is left for feedback and rounding; with 0.97 it is."""
     full = []
     for path_margin in (0.97, 1.0):
         loads = []
 
-        def note(_k, G, loads=loads):
+        def note(G, loads=loads):
             if G.state.s > 0.7 * G.state.end and G.state.rate > 0.1:
                 loads.append(float(G.pad.commanded / G.state.usable))
 
@@ -108,14 +107,14 @@ def test_without_margin_in_the_backward_pass_no_reserve_is_left_for_braking() ->
     assert full[1] > 0.995
 
 
-def test_the_moving_average_keeps_the_end_where_a_jerk_clamp_would_not() -> None:
+def test_moving_average_keeps_end() -> None:
     """Position, velocity and acceleration are averaged alike; clamping the change of sddot is not recursively safe."""
     q = run(PAPER, margin=1.0, window=20, end=2.2, **TO)
     assert q.overshoot_mm < 0.05
     assert q.slip_mm < STICKS_MM
 
 
-def test_the_path_leaves_the_reserve_of_what_the_weight_leaves_and_is_not_refused_for_it() -> None:
+def test_path_leaves_reserve() -> None:
     for case, margin in ((PAPER, 0.95), (VERTICAL, 1.0)):
         for mode in (Governing.SLOW_DOWN, Governing.TIME_OPTIMAL):
             G = Governor(BentPath(case.way, case.duration), case, margin=margin, reserve=RESERVE, mode=mode).plan()
@@ -132,39 +131,24 @@ def test_the_path_leaves_the_reserve_of_what_the_weight_leaves_and_is_not_refuse
             assert 0.95 * (1 - RESERVE) < max(used) < 1 - RESERVE + BETWEEN_POINTS
 
 
-def test_braking_uses_the_reserve_where_friction_falls_before_anything_is_overrun() -> None:
+def test_braking_uses_reserve() -> None:
     falls = {"falls": (1.0, 0.6), "end": 4.5}
     assert run(PAPER, **falls).overrun
     q = run(PAPER, reserve=0.3, **falls)
-    assert q.events == 1
+    assert q.governor.state.estimate.events == 1
     assert not q.overrun
     assert q.slip_mm < STICKS_MM
     assert q.arrive < 4.5
 
 
-def test_above_the_limit_there_is_no_guard() -> None:
+def test_two_percent_too_much_slips() -> None:
     """What is told 2 % too high, and never learnt, slips; what is told right does not."""
     told = {"margin": 1.0, "estimator": Friction.KNOWN, "law": "classical", "end": 2.2, **TO}
     assert run(PAPER, friction=1 / 1.02, **told).slip_mm > 5 * STICKS_MM
     assert run(PAPER, **told).slip_mm < 1e-3 * STICKS_MM
 
 
-def test_only_the_first_sample_of_a_slip_teaches() -> None:
-    """Sliding friction and the law's own doing are no limit: learnt while sliding, F^ would run down for ever."""
-    G = Governor(BentPath(PAPER.way, 2.0), PAPER)
-    for k in range(200):
-        G.pad.commanded = 0.2 if k < 100 else 0.05
-        h = np.array([0.2 if k < 100 else 0.05, 0, 0, 0, 0, 0.0])
-        G.feel(h, k * 1_000_000)
-    assert G.slip(99_000_000, 1e-3)
-    assert G.state.estimate.F_hat == 0.95 * 0.2
-    for k in range(100, 200):
-        assert not G.slip(k * 1_000_000, 1e-3)
-    assert G.state.estimate.F_hat == 0.95 * 0.2
-    assert G.state.estimate.events == 1
-
-
-def test_while_it_slips_the_reference_follows_the_pad() -> None:
+def test_reference_follows_slipping_pad() -> None:
     G = Governor(BentPath(PAPER.way, PAPER.duration), PAPER).plan()
     while G.state.s < 0.4 * G.state.end:
         G.before()
@@ -181,7 +165,7 @@ def test_while_it_slips_the_reference_follows_the_pad() -> None:
             assert G.state.s == pytest.approx(s, abs=2.0 * G.dt * slower)
 
 
-def test_a_slip_that_does_not_end_though_the_pad_hardly_moves_is_left_behind() -> None:
+def test_endless_slip_is_left_behind() -> None:
     """Found by the lottery: pads that tremble with the joints slip for ever, and the path waited for ever, ACTIVE."""
     G = Governor(BentPath(PAPER.way, PAPER.duration), PAPER).plan()
     still, cycles = np.zeros(6), round(governor.LED_S / DT)
@@ -207,12 +191,12 @@ def test_a_slip_that_does_not_end_though_the_pad_hardly_moves_is_left_behind() -
     assert G.state.endless == 0, "several arms keep to their path"
 
 
-def test_a_slip_that_lasts_leads_the_path_no_longer_than_it_has_time_to_brake() -> None:
+def test_lasting_slip_leaves_time_to_brake() -> None:
     """Pads that trembled while the path had to be braked kept it at full speed to its end: 63 mm of slip."""
     for share, cycles in ((0.8, 200), (1.5, 300)):
         G, *_ = on_its_way(1000)
         G.state.estimate.slipping, rate = 1, float(G.state.rate)
-        G.points["K"][:] = share * rate**2 / governor.OVER
+        G.points["K"][:] = share * rate**2 / OVER
         done = 0
         while G.state.endless == 0 and done < 300:
             G.before(v=1.02 * rate * G.path.at(float(G.state.time))[2])
@@ -224,7 +208,7 @@ def test_a_slip_that_lasts_leads_the_path_no_longer_than_it_has_time_to_brake() 
         assert (G.state.rate < led and np.any(a != 0.0)) == (share < 1.0), "while it leads, a_d is 0"
 
 
-def test_several_arms_keep_to_the_path_while_a_pad_slips() -> None:
+def test_several_arms_keep_path() -> None:
     """Each without the path's acceleration, they pull the object apart and do not brake for the end."""
     sticks, slips = (Governor(BentPath(PAPER.way, PAPER.duration), PAPER).plan() for _ in range(2))
     slips.config.led = 0
@@ -237,101 +221,88 @@ def test_several_arms_keep_to_the_path_while_a_pad_slips() -> None:
             np.testing.assert_array_equal(followed, kept)
 
 
-def test_a_late_sample_teaches_the_load_of_its_own_stamp() -> None:
+def test_late_sample_uses_its_stamp() -> None:
     G = Governor(BentPath(PAPER.way, 2.0), PAPER)
     for k in range(200):
         G.pad.commanded = 0.1 + 0.0005 * k
-        G.feel(np.array([0.11 + 0.0005 * k, 0, 0, 0, 0, 0.0]), k * 1_000_000)
+        G.record_load(np.array([0.11 + 0.0005 * k, 0, 0, 0, 0, 0.0]), k * 1_000_000)
     assert G.slip(120_500_000, 1e-3)
     assert abs(G.state.estimate.F_hat - 0.95 * 0.16) < 1e-12
 
 
-def test_the_plan_is_slow_enough_at_once_when_friction_falls() -> None:
-    """A mass or friction that changes needs a new backward pass; until it is there, the pad brakes."""
+@pytest.mark.parametrize("share", [0.9, 0.994, 0.996, 1.004, 1.006])
+def test_changed_friction_replans_at_once(share: float) -> None:
     G, R, v, a = on_its_way(900)
-    rate = float(G.state.rate)
-    G.state.estimate.F_hat = 0.9 * PAPER.force
-    seen = 0
-    while G.state.plan_load > 0.95 * 0.9 * PAPER.force + 1e-12:
-        _, R, v, a = G.before()
-        G.after(a, a, R, v[3:])
-        seen += 1
-        assert G.pad.commanded <= 0.9 * PAPER.force * (1 + ROUNDING)
-        assert G.state.rate <= rate + ROUNDING or G.state.urgent == 0
-        rate = float(G.state.rate)
-    assert 1 < seen <= 200 // 25 + 2
+    before = float(G.state.plan_load)
+    G.state.estimate.F_hat = share * PAPER.force
+    _, R, v, a = G.before()
+    G.after(a, a, R, v[3:])
+    changed = abs(share - 1.0) > governor.REPLAN
+    assert G.state.plan_load == pytest.approx(share * before if changed else before, rel=1e-12)
+    assert G.state.rate**2 <= np.interp(G.state.s, G.points["s"], G.points["K"]) * (1 + ROUNDING)
+    assert G.pad.commanded <= share * PAPER.force * (1 + ROUNDING)
 
 
-def test_what_stops_on_the_path_is_looked_for_and_the_least_that_was_seen_to_is_planned_for() -> None:
-    for enough in (0.18, 0.21, 0.235):
-        G = Governor(BentPath(PAPER.way, 2.0), PAPER).plan()
-        state, estimate = G.state, G.state.estimate
-        estimate.F_hat, estimate.slipped_at, state.rate = 0.16, 0.25, 1.0
-        governor.begin_plan(state, 0.16)
-        seen, passes = 0.25, 0
-        while state.phase == governor.Phase.BACKWARD:
-            tried = float(state.pass_load)
-            G.points["K_next"][:] = 2.0 if tried >= enough else 0.5
-            seen = min(seen, tried) if tried >= enough else seen
-            governor.end_pass(G.config, state, G.grid)
-            passes += 1
-        assert passes == 3 + governor.SEARCH_PASSES
-        assert state.plan_load == seen
-        assert enough <= state.plan_load <= enough + (0.985 * 0.25 - 0.16) / 2**governor.SEARCH_PASSES
+@pytest.mark.parametrize("slipped_at", [0.18, 0.25])
+def test_least_stopping_load_is_planned(slipped_at: float) -> None:
+    """Margin is given up up to 0.985 of the load at which it slipped; where that is not enough, none is."""
+    G, *_ = on_its_way(1100)
+    state, estimate, rate2 = G.state, G.state.estimate, float(G.state.rate) ** 2
+    estimate.F_hat, estimate.slipped_at = 0.14, slipped_at
+    least = next(
+        F for F in np.linspace(0.133, 0.985 * 0.25, 300) if call(governor.stops_with, G.config, state, G.grid, F, 0.0)
+    )
+    G.plan()
+    assert state.asked == pytest.approx(0.95 * 0.14)
+    bound = np.interp(state.s, G.points["s"], G.points["K"])
+    if slipped_at == 0.25:
+        assert least - 1e-3 < state.plan_load < least * (1 + 2 * governor.REPLAN)
+        assert rate2 <= bound
+    else:
+        assert (state.plan_load, rate2 > bound) == (state.asked, True)
 
 
 def test_it_begins_without_feedback() -> None:
     assert not np.any(Governor(BentPath(PAPER.way, 2.0), PAPER).pad.feedback)
 
 
-@pytest.mark.parametrize(("K", "admitted"), [((0.04, 0.09, 0.16), 0.04), ((0.09, 0.04, 0.01), 0.04)])
-def test_it_begins_as_fast_as_the_first_cell_admits(K: tuple[float, ...], admitted: float) -> None:
-    G = Governor(BentPath(PAPER.way, 2.0), PAPER)
-    G.points["K_next"][:3] = K
-    governor.take_plan(G.config, G.state, G.grid)
-    assert G.state.rate == pytest.approx(np.sqrt(admitted))
-    assert G.state.planned == 1
-
-
-def test_a_path_that_is_in_motion_where_it_begins_is_not_begun_with_a_jump() -> None:
+@pytest.mark.parametrize("cap", [(0.04, 0.09), (0.09, 0.04)])
+@pytest.mark.parametrize("moves", [False, True])
+def test_path_begins_as_fast_as_admitted(cap: tuple[float, float], moves: bool) -> None:
     """Only where the user's path rests is its first speed free."""
-    for moves in (False, True):
-        G = Governor(BentPath(PAPER.way, 2.0), PAPER)
-        G.points["K_next"][:2] = 0.04
-        if moves:
-            G.points["uu"][0] = 1.0
-        governor.take_plan(G.config, G.state, G.grid)
-        assert G.state.rate == pytest.approx(0.0 if moves else 0.2)
+    G = Governor(BentPath(PAPER.way, 2.0), PAPER)
+    G.points["cap"][:2] = cap
+    if moves:
+        G.points["uu"][0] = 1.0
+    G.plan()
+    expected = np.sqrt(min(G.points["K"][:2]))
+    assert 0.0 < expected <= 0.2
+    assert (float(G.state.rate), int(G.state.planned)) == (pytest.approx(0.0 if moves else expected), 1)
 
 
-def test_the_observers_word_alone_is_dropped_where_nothing_would_stop_on_the_path_any_more() -> None:
-    G = Governor(BentPath(PAPER.way, 2.0), PAPER).plan()
+def test_suspicion_is_dropped_where_nothing_stops() -> None:
+    G, *_ = on_its_way(900)
     state, estimate = G.state, G.state.estimate
-    estimate.F_hat, estimate.slipped_at, state.rate = 0.16, 0.25, 1.0
-    estimate.suspected, estimate.suspected_at = 1, 0.25
-    governor.begin_plan(state, 0.16)
-    G.points["K_next"][:] = 0.5  # too slow for this rate, whatever load it is planned for
-    governor.end_pass(G.config, state, G.grid)
-    assert (state.search, estimate.suspected) == (governor.Search.CEILING, 1)
-    governor.end_pass(G.config, state, G.grid)
-    assert (state.search, estimate.suspected, state.urgent) == (governor.Search.NO, 0, 0)
-    assert state.pass_load == governor.planned_load(G.config, state, G.grid)
+    estimate.suspected, estimate.suspected_at = 1, 0.8 * PAPER.force
+    G.points["cap"][:] = 0.5 * state.rate**2
+    G.before()
+    assert (estimate.suspected, state.overrun) == (0, 1)
+    assert state.plan_load == call(governor.load_to_plan, G.config, state, G.grid)
 
 
-def test_while_the_observers_word_is_provisional_braking_asks_no_more_than_what_is_known_to_hold() -> None:
+def test_braking_under_suspicion_keeps_limit() -> None:
     G, R, v, a = on_its_way(900)
     G.state.estimate.suspected, G.state.estimate.suspected_at = 1, 0.8 * PAPER.force
-    G.state.asked = governor.planned_load(G.config, G.state, G.grid)
+    G.state.asked = call(governor.load_to_plan, G.config, G.state, G.grid)
     G.points["K"][:] = 1e-6  # as if that plan were there, and nowhere admitted motion
     before = float(G.state.rate)
     assert before > 0.1
     _, R, v, a = G.before()
-    assert G.state.urgent == 0
     assert 0.0 < G.state.rate < before
     assert np.linalg.norm(G.load_of(R, v[3:], a)) <= float(G.state.usable) * (1 + ROUNDING)
 
 
-def test_while_the_observer_suspects_slip_no_more_is_asked_than_it_leaves() -> None:
+def test_suspicion_limits_load() -> None:
     G, R, v, a = on_its_way(200)
     G.state.estimate.suspected, G.state.estimate.suspected_at = 1, 0.4 * PAPER.force
     left, _ = call(provisional, G.config.estimate, G.state.estimate)
@@ -342,7 +313,7 @@ def test_while_the_observer_suspects_slip_no_more_is_asked_than_it_leaves() -> N
         assert np.linalg.norm(G.load_of(R, v[3:], a)) <= left * (1 + ROUNDING)
 
 
-def test_what_was_stopped_catches_up_with_what_has_been_carried_or_the_path_as_planned_asks() -> None:
+def test_catching_up_uses_carried_load() -> None:
     """Else the restart is the first to ask for all that is told of friction, where the path never does."""
     G, *_ = on_its_way(1000)
     while G.state.rate > 0.0:
@@ -360,7 +331,7 @@ def test_what_was_stopped_catches_up_with_what_has_been_carried_or_the_path_as_p
     assert most > carried
 
 
-def test_where_the_bound_falls_evenly_the_path_is_braked_evenly_and_stays_on_it() -> None:
+def test_even_bound_brakes_evenly() -> None:
     """Under K = c - g s the motion is sdot^2 = c - g s: sddot = -g / 2, whatever the period."""
     c, g = 0.9, 0.3
     strong = SimpleNamespace(**{**vars(PAPER), "force": 100.0})
@@ -374,15 +345,15 @@ def test_where_the_bound_falls_evenly_the_path_is_braked_evenly_and_stays_on_it(
         assert G.state.rate == pytest.approx(rate - 0.5 * g * k * G.dt, rel=1e-12)
 
 
-def test_a_snapshot_goes_on_with_equal_bytes() -> None:
-    G, H = (Governor(BentPath(PAPER.way, 2.0), PAPER, window=8, points_per_cycle=7) for _ in range(2))
+def test_snapshot_evolves_identically() -> None:
+    G, H = (Governor(BentPath(PAPER.way, 2.0), PAPER, window=8) for _ in range(2))
     for k in range(600):
         if k == 300:
             for ours, theirs in zip(G.buffers, H.buffers, strict=True):
                 theirs[:] = ours
         for g in (G, H) if k >= 300 else (G,):
             if k == 320:
-                g.feel(np.array([0.2, 0, 0, 0, 0, 0.0]), k * 1_000_000)
+                g.record_load(np.array([0.2, 0, 0, 0, 0, 0.0]), k * 1_000_000)
                 g.slip(k * 1_000_000, 1e-3)
             _, R, v, a = g.before()
             g.after(a, a, R, v[3:])
@@ -400,7 +371,7 @@ SIX = st.lists(st.floats(-1.0, 1.0), min_size=6, max_size=6)
     disturbance=st.floats(0.0, 5.0), mode=st.sampled_from([Governing.SLOW_DOWN, Governing.TIME_OPTIMAL]),
     tilt=st.floats(0.0, 0.3),
 )  # fmt: skip
-def test_commanded_load_is_never_above_the_limit(way, side, duration, force, margin, disturbance, mode, tilt) -> None:
+def test_load_stays_within_limit(way, side, duration, force, margin, disturbance, mode, tilt) -> None:
     case = SimpleNamespace(**{**vars(PAPER_PLANAR), "force": force, "gravity": np.array([0.05 * tilt, 0.0, -9.81])})
     path = BentPath(0.4 * np.array(way) * [1, 1, 0, 0, 0, 1], duration, 0.05 * np.array(side) * [1, 1, 0, 0, 0, 1])
     if np.linalg.norm(path.way) < 0.02:
@@ -414,7 +385,7 @@ def test_commanded_load_is_never_above_the_limit(way, side, duration, force, mar
 
 @settings(max_examples=15, deadline=None, phases=UNSHRUNK)
 @given(way=SIX, side=SIX, duration=st.floats(0.5, 2.0), force=st.floats(0.1, 1.0), margin=st.floats(0.6, 1.0))
-def test_it_arrives_and_never_later_than_uniform_scaling(way, side, duration, force, margin) -> None:
+def test_arrives_before_uniform_scaling(way, side, duration, force, margin) -> None:
     case = SimpleNamespace(**{**vars(PAPER_PLANAR), "force": force, "gravity": np.array([0.0, 0.0, -9.81])})
     plane = np.array([1, 1, 0, 0, 0, 1])
     path = BentPath(0.4 * np.array(way) * plane, duration, 0.05 * np.array(side) * plane)
@@ -431,14 +402,14 @@ def test_it_arrives_and_never_later_than_uniform_scaling(way, side, duration, fo
     assert G.state.overrun == 0
 
 
-def test_weight_in_the_slip_plane() -> None:
+def test_weight_in_slip_plane() -> None:
     for mode in (Governing.SLOW_DOWN, Governing.TIME_OPTIMAL):
         q = run(VERTICAL, margin=1.0, mode=mode, end=1.0)
         assert q.slip_mm < 2 * STICKS_MM
         assert q.arrive < 0.8
 
 
-def test_a_limit_learnt_below_the_weight_does_not_stop_what_is_on_its_way() -> None:
+def test_limit_below_weight_continues() -> None:
     """The weight was carried at rest; a stop on the way would throw what hardly holds, and rest asks the weight too."""
     G = Governor(BentPath(VERTICAL.way, VERTICAL.duration), VERTICAL, margin=1.0).plan()
     for k in range(6000):
@@ -454,7 +425,7 @@ def test_a_limit_learnt_below_the_weight_does_not_stop_what_is_on_its_way() -> N
 
 
 @pytest.mark.parametrize("led", [1, 0])
-def test_a_slip_that_the_observer_finds_below_the_weight_stops_one_arm_which_says_so_and_not_several(led: int) -> None:
+def test_suspicion_below_weight_halts_one_arm(led: int) -> None:
     """Each of several arms takes for slip what the others do, and only braking asks for less than the weight."""
     G = Governor(BentPath(VERTICAL.way, VERTICAL.duration), VERTICAL, margin=1.0).plan()
     G.config.led = led
@@ -470,7 +441,7 @@ def test_a_slip_that_the_observer_finds_below_the_weight_stops_one_arm_which_say
 
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])
-def test_an_arm_can_brake_where_the_weight_alone_is_beyond_the_learnt_friction(direction: float) -> None:
+def test_arm_brakes_beyond_learnt_friction(direction: float) -> None:
     """With a limit or a mass that is wrong by so much; without that it would drift on until a joint is too fast."""
     G = Governor(BentPath(VERTICAL.way, VERTICAL.duration), VERTICAL, margin=1.0).plan()
     R = G.before()[1]
@@ -478,23 +449,13 @@ def test_an_arm_can_brake_where_the_weight_alone_is_beyond_the_learnt_friction(d
     a = direction * 5.0 * np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
     G.state.ceiling = 0.5 * rest
     assert 0.1 < G.after(a, a, R, np.zeros(3)) <= 1.0
-    assert G.pad.commanded <= governor.BRAKES * rest * (1 + ROUNDING)
+    assert G.pad.commanded <= BRAKES * rest * (1 + ROUNDING)
 
 
-def test_unknown_friction_with_weight_in_the_slip_plane_is_tried() -> None:
+def test_unknown_friction_is_tried() -> None:
     """What carries the weight along the path can only be found by going there; no more than that is asked."""
     G = Governor(BentPath(VERTICAL.way, VERTICAL.duration), VERTICAL, margin=1.0, estimator=Friction.UNKNOWN).plan()
     over, cycles = travel(G)
     assert G.state.infeasible == 0
     assert cycles < 5999
     assert over <= 1 + ROUNDING
-
-
-def test_the_load_that_is_missing_counts_far_from_the_reference_alone() -> None:
-    cases = (0.0, 0.0, 0.0), (0.01, 0.05, 0.0), (0.015, 0.0, 0.5), (0.0, 0.075, 0.5), (1.0, 0.0, 1.0)
-    for linear, angular, share in cases:
-        for commanded, measured, F, missing in (
-            (2.0, 1.6, 2.0, 0.36), (2.0, 1.97, 2.0, 0.0), (1.6, 2.0, 2.0, 0.0), (2.0, 2.39, 2.0, 0.0),
-            (0.5, 3.0, 2.0, 1.2),
-        ):  # fmt: skip
-            assert call(missing_load, commanded, measured, F, linear, angular) == pytest.approx(missing * share)

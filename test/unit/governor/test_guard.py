@@ -5,11 +5,13 @@ from __future__ import annotations
 import functools
 
 import numpy as np
+import pytest
 
 from slip_core.records import record
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.cycle.governing import guard, held
+from slip_vic_controller.governor.guard import missing_load
 from slip_vic_controller.state import CONFIG, OUTPUTS
 from test.support.call import call
 from test.support.every import every
@@ -64,3 +66,13 @@ def test_load_that_is_missing_where_the_object_slides_is_not_taken_for_that_of_s
     assert arm.factor(slips=False, overrun=True, off_m=0.03) == 1.0
     assert arm.factor(slips=True, overrun=True, off_m=0.03) == arm.factor(slips=True, overrun=True)
     assert np.isclose(arm.factor(slips=True, overrun=True), arm.factor(slips=False, overrun=False))
+
+
+def test_missing_load_counts_far_away() -> None:
+    cases = (0.0, 0.0, 0.0), (0.01, 0.05, 0.0), (0.015, 0.0, 0.5), (0.0, 0.075, 0.5), (1.0, 0.0, 1.0)
+    for linear, angular, share in cases:
+        for commanded, measured, F, missing in (
+            (2.0, 1.6, 2.0, 0.36), (2.0, 1.97, 2.0, 0.0), (1.6, 2.0, 2.0, 0.0), (2.0, 2.39, 2.0, 0.0),
+            (0.5, 3.0, 2.0, 1.2),
+        ):  # fmt: skip
+            assert call(missing_load, commanded, measured, F, linear, angular) == pytest.approx(missing * share)

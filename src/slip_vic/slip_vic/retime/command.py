@@ -17,7 +17,7 @@ from slip_vic.retime.certificate import arm_shares, certified
 from slip_vic.retime.path import GivenPath, PadPath, read_points
 from slip_vic.retime.timing import held_object
 from slip_vic.scenarios.scenario import Scenario
-from slip_vic_controller.governor.governor import GOVERNOR_CONFIG
+from slip_vic_controller.governor.layouts import GOVERNOR_CONFIG
 from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.path.joint_path import JointPath
 from slip_vic_controller.session.controller import ArmController

@@ -11,20 +11,18 @@ from slip_core.arrays import Array, inertia_from_six, matrix_from_quat_xyzw
 from slip_core.errors import InputError
 from slip_core.records import new, record
 from slip_vic.retime.path import GivenPath
-from slip_vic_controller.governor.governor import GOVERNOR_CONFIG
+from slip_vic_controller.governor.layouts import GOVERNOR_CONFIG
+from slip_vic_controller.governor.plan import GRID_POINTS
 from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.path.retiming import (
     HELD_OBJECT,
     MEMORY,
     STEP,
     HeldObject,
-    begin_timing,
     plan_timing,
+    sample_times,
     step_timing,
-    take_point,
     time_derivatives,
-    timing_outcome,
-    wanted_time,
 )
 
 LONGEST = 30.0
@@ -72,16 +70,16 @@ def retimed(path: GivenPath, config: Array, held: Array, period_s: float) -> Tim
     memory = new(MEMORY)
     config = config.copy()
     record(config, GOVERNOR_CONFIG).duration = path.duration
-    begin_timing(config, memory, held, path.pad(0.0).rotation)
-    while (at := wanted_time(config, memory)) >= 0.0:
-        pad = path.pad(at)
-        take_point(config, memory, held, pad.rotation, pad.twist, pad.acceleration)
-    while not plan_timing(config, memory):
-        pass  # each call plans a piece: the call is the work
-    _refuse_too_heavy(path, config, memory)
+    times = np.empty(GRID_POINTS)
+    sample_times(config, times)
+    motion = [path.pad(float(at)) for at in times]
+    sampled = [np.concatenate((pad.rotation.ravel(), pad.twist, pad.acceleration)) for pad in motion]
+    plan_timing(config, memory, held, np.array(sampled))
+    state: Any = record(memory, MEMORY).governor
+    if state.infeasible:
+        _refuse_too_heavy(path, config, state)
     step, rows, at = new(STEP), [(0.0, 0.0, 0.0, 0.0)], 0.0
     out: Any = record(step, STEP)
-    state: Any = record(memory, MEMORY).governor
     most = round(LONGEST * path.duration / period_s)
     while out.arrived == 0.0:
         if len(rows) > most:
@@ -98,15 +96,13 @@ def retimed(path: GivenPath, config: Array, held: Array, period_s: float) -> Tim
     return Timing(*np.array(rows).T)
 
 
-def _refuse_too_heavy(path: GivenPath, config: Array, memory: Array) -> None:
-    outcome = np.zeros(4)
-    timing_outcome(config, memory, outcome)
-    infeasible, heaviest_s, weight, carries = outcome.tolist()
-    if infeasible:
-        x, y, z = path.pad(heaviest_s).position
-        raise InputError(
-            "path",
-            got=f"holding the weight needs {weight:.3g} N at {heaviest_s:.3f} s, x {x:.3f}, y {y:.3f}, z {z:.3f} m",
-            expected=f"at most {carries:.3g} N, which friction can carry with its margin",
-            fix="more grip, a path on which the weight lies less in the pad's plane, or a smaller governor.margin",
-        )  # fmt: skip
+def _refuse_too_heavy(path: GivenPath, config: Array, state: Any) -> None:
+    heaviest_s, weight = float(state.heaviest_time), float(state.weight_load)
+    carries = float(record(config, GOVERNOR_CONFIG).path_margin * state.plan_load)
+    x, y, z = path.pad(heaviest_s).position
+    raise InputError(
+        "path",
+        got=f"holding the weight needs {weight:.3g} N at {heaviest_s:.3f} s, x {x:.3f}, y {y:.3f}, z {z:.3f} m",
+        expected=f"at most {carries:.3g} N, which friction can carry with its margin",
+        fix="more grip, a path on which the weight lies less in the pad's plane, or a smaller governor.margin",
+    )

@@ -7,7 +7,7 @@ from slip_core.records import Records
 from slip_vic_controller.arm.plausibility import unseen_ns
 from slip_vic_controller.cycle.governing import screen
 from slip_vic_controller.cycle.holding import bridges
-from slip_vic_controller.governor.path_grid import Governing
+from slip_vic_controller.governor.plan import Governing
 from slip_vic_controller.path.path_scaling import advance, lost_ns
 from slip_vic_controller.path.paths import relative
 from slip_vic_controller.safety.arbitration import Level

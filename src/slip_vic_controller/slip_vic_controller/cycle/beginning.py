@@ -10,7 +10,7 @@ from slip_vic_controller.cycle.gains import gains_now
 from slip_vic_controller.cycle.governing import begin_governing, begin_pad, rest_on_path
 from slip_vic_controller.cycle.ledger import put_time
 from slip_vic_controller.governor.grip import start_grip
-from slip_vic_controller.governor.path_grid import Governing
+from slip_vic_controller.governor.plan import Governing
 from slip_vic_controller.law.giving_up import start_giving_up
 from slip_vic_controller.path.goals import rest_at
 from slip_vic_controller.path.paths import Reference

@@ -14,7 +14,7 @@ from slip_vic_controller.cycle.governing import follow_goal, governed_reference,
 from slip_vic_controller.cycle.holding import hold_without_law, keep_joints
 from slip_vic_controller.cycle.sensing import motion_is_near_friction, put_twist_now, put_twist_of_joints
 from slip_vic_controller.cycle.wrench import put_own_wrench
-from slip_vic_controller.governor.path_grid import Governing
+from slip_vic_controller.governor.plan import Governing
 from slip_vic_controller.law.arm import Arm
 from slip_vic_controller.law.contact import integrate_slips, slip_velocity
 from slip_vic_controller.law.giving_up import judge_compensation

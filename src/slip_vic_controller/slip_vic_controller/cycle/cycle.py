@@ -44,7 +44,7 @@ from slip_vic_controller.cycle.holding import leave_to_drives, prepare
 from slip_vic_controller.cycle.ledger import end_cycle
 from slip_vic_controller.cycle.sensing import sense_all
 from slip_vic_controller.cycle.taring import all_at_rest
-from slip_vic_controller.governor.path_grid import Governing
+from slip_vic_controller.governor.plan import Governing
 from slip_vic_controller.law.symbols import SYMBOLS, no_symbols, symbols
 from slip_vic_controller.safety.effort_limiter import go_on
 from slip_vic_controller.safety.faults import Fault, Input

@@ -17,11 +17,12 @@ from slip_vic_controller.governor.friction_estimate import (
     take_weakest,
     weaker,
 )
-from slip_vic_controller.governor.governor import GovernedPad, Governor, GovernorConfig
 from slip_vic_controller.governor.grip import follow_load, load_ahead
-from slip_vic_controller.governor.guard import missing_load
+from slip_vic_controller.governor.guard import hold_back, missing_load
+from slip_vic_controller.governor.layouts import GovernedPad, Governor, GovernorConfig
 from slip_vic_controller.governor.load import ALONE, Held, Shared, size, surface, weight
-from slip_vic_controller.governor.path_grid import Along, Governing, along, along_at
+from slip_vic_controller.governor.plan import GRID_POINTS, Along, Governing, along, along_at, sample_time
+from slip_vic_controller.governor.step import Pad, step_on
 from slip_vic_controller.law.arm import Arm
 from slip_vic_controller.law.contact import Contact, Slip, contact_arm, pad_rotation
 from slip_vic_controller.law.gains import LawGains
@@ -52,8 +53,6 @@ UNLIMITED = 1e3
 """A speed along the path that limits nothing."""
 CATCH_UP = 1.5
 """How much faster than it came a stream may be run through where the timing is free."""
-SAMPLES_PER_CYCLE = 10
-"""Points of the path that are sampled in a cycle."""
 
 
 @part
@@ -124,8 +123,8 @@ def forget_friction(
     """
     begin_pad(config, state, arm, gains)
     if lead:
-        governor.know_pad(task.governor, state.pad)
-        governor.plan_anew(config.governor, task.governor)
+        governor.adopt_pad(task.governor, state.pad)
+        governor.discard_plan(config.governor, task.governor)
 
 
 @part
@@ -293,7 +292,7 @@ def follow_stream(
         ahead_K = stream_bound(stream, path.time + dt * path.rate)
         path.overrun = 0
         most_rate = min(rate_limit(config, path, path_speed), limits[0])
-        u = governor.step_on(limits_of, path, ahead_K, grasped, point, seen, most_rate, dt)
+        u = step_on(limits_of, path, ahead_K, grasped, point, seen, most_rate, dt)
         path.time += dt * (path.rate + 0.5 * dt * u)
         path.rate = max(path.rate + dt * u, 0.0)
     path.s = path.time
@@ -302,10 +301,10 @@ def follow_stream(
 
 
 @part
-def seen_from(planned: Reference, arm: Arm, pad: GovernedPad) -> governor.Pad:
+def seen_from(planned: Reference, arm: Arm, pad: GovernedPad) -> Pad:
     """Return the first pad as seen from a point of its path."""
     x = vec(arm.position) - planned.position
-    return governor.Pad(x, mat(arm.rotation), spatial(arm.twist), spatial(pad.feedback))
+    return Pad(x, mat(arm.rotation), spatial(arm.twist), spatial(pad.feedback))
 
 
 @part
@@ -322,7 +321,7 @@ def feel_pad(config: ControllerConfig, task: TaskState, state: ArmState, outputs
         squeeze(config, task, state, dt)
     pad, stamp_ns = state.pad, state.joint.answers.stamp_ns
     found = bool(config.cycle.has_observer != 0 and state.observer.sliding != 0)
-    governor.feel(config.governor, pad, spatial(outputs.samples[0].wrench), stamp_ns)
+    governor.record_load(config.governor, pad, spatial(outputs.samples[0].wrench), stamp_ns)
     for k in range(state.queue.count):
         sample = state.queue.samples[k]
         slip = scaled_slip(config.governor, sample.twist)
@@ -389,12 +388,11 @@ def follow_path(
     path = task.governor
     if config.goals.on != 0 and task.goal.pending != 0:
         path_speed = 0.0
-    for _ in range(SAMPLES_PER_CYCLE):
-        if governor.wants_points(path):
-            planned = path_at(config, task, state, governor.wanted_time(config.governor, path))
-            governor.next_point(
-                config.governor, path, task.grid, grasped, planned.rotation, planned.twist, planned.acceleration
-            )
+    if path.planned == 0:
+        for i in range(GRID_POINTS):
+            there = path_at(config, task, state, sample_time(config.governor.mode, i, path.duration))
+            motion = there.rotation, there.twist, there.acceleration
+            governor.sample_point(config.governor, path, task.grid, i, grasped, *motion)
     if (state.joint.answers.stamp_ns - task.start_ns) * 1e-9 < config.cycle.start_s:  # the trajectory rests first
         governor.plan(config.governor, path, task.grid)
         return
@@ -434,13 +432,13 @@ def guard(
         # What gives way to the internal wrench moves no object; and one arm that holds back alone would pull at it.
         gains = outputs.gains.gains
         a_C = a_C - gains.kappa * (R @ spatial(outputs.law.h_int)) / spatial(gains.M_D)
-        governor.hold_back(config.governor, ceiling, pad, grasped, R, v_ee.angular, a_C, a_d, slides)
+        hold_back(config.governor, ceiling, pad, grasped, R, v_ee.angular, a_C, a_d, slides)
         pad.guard = 1.0
         return 1.0
     if not slips:
         law = outputs.law
         ceiling += missing_load(pad.commanded, pad.measured, ceiling, law.error_linear, law.error_angular)
-    return governor.hold_back(config.governor, ceiling, pad, grasped, R, v_ee.angular, a_C, a_d, slides)
+    return hold_back(config.governor, ceiling, pad, grasped, R, v_ee.angular, a_C, a_d, slides)
 
 
 @part
@@ -452,7 +450,7 @@ def put_governed(config: ControllerConfig, task: TaskState, state: ArmState, out
     out.friction_limit, out.friction_events = F, float(pad.estimate.events)
     out.load_commanded, out.load_measured = pad.commanded, pad.measured
     out.given_up = float(state.law.given_up.given_up)
-    out.load_ratio, out.friction_share, out.margin = 0.0, 0.0, 0.0
+    out.limit, out.load_ratio, out.friction_share, out.margin = float(path.limit), 0.0, 0.0, 0.0
     if F > 0.0:
         out.load_ratio, out.friction_share, out.margin = pad.commanded / F, pad.measured / F, path.usable / F
     out.stream_waits = waiting(task.stream, path.out_time) if config.stream.on != 0 else 0.0

@@ -13,7 +13,7 @@ from slip_vic_controller.cycle.finishing import finish
 from slip_vic_controller.cycle.gains import gains_now
 from slip_vic_controller.cycle.governing import forget_friction, rest_after_hold, rest_on_path
 from slip_vic_controller.cycle.wrench import arm_of_load, own_wrench
-from slip_vic_controller.governor.path_grid import Governing
+from slip_vic_controller.governor.plan import Governing
 from slip_vic_controller.law.contact import pad_rotation
 from slip_vic_controller.safety.drop_detection import forget
 from slip_vic_controller.safety.effort_limiter import needs_restart

@@ -18,7 +18,7 @@ from slip_vic_controller.cycle.governing import feel_pad, load_of_motion
 from slip_vic_controller.cycle.holding import hold, hold_without_law
 from slip_vic_controller.cycle.wrench import own_wrench
 from slip_vic_controller.governor.friction_estimate import asks_for_more
-from slip_vic_controller.governor.path_grid import Governing
+from slip_vic_controller.governor.plan import Governing
 from slip_vic_controller.law.arm import Arm
 from slip_vic_controller.law.contact import beyond_dead_band
 from slip_vic_controller.law.law import predict_motion

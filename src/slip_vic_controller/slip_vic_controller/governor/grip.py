@@ -13,7 +13,7 @@ import math
 
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Whole
-from slip_vic_controller.governor.path_grid import GRID_POINTS, PathGrid
+from slip_vic_controller.governor.plan import GRID_POINTS, PathGrid
 
 
 class GripConfig(Record):

@@ -6,7 +6,10 @@ import math
 from typing import Final
 
 from slip_core.compiled import part
-from slip_core.vectors import Spatial
+from slip_core.vectors import Mat, Spatial, Vec, put_spatial, spatial, vec
+from slip_vic_controller.governor.layouts import GovernedPad, GovernorConfig
+from slip_vic_controller.governor.load import Held, drawn, size, surface, turning, weight
+from slip_vic_controller.governor.plan import Governing
 
 FAR: Final = 0.01
 FAR_TURNED: Final = 0.05
@@ -15,6 +18,8 @@ BEYOND: Final = 1.2
 """Share of what friction carries, which a measured load is beyond with more than its noise."""
 COMES_ABOUT: Final = 0.98
 """Share of the commanded load that is none missing: a period's change of it is measured a period later."""
+BRAKES: Final = 1.1
+"""Of the load of the weight alone, where the estimate of friction does not carry that: the arm has to brake."""
 
 
 @part
@@ -57,3 +62,40 @@ def missing_load(commanded: float, measured: float, F: float, error_linear: floa
     far = max(error_linear / FAR, error_angular / FAR_TURNED)
     lacks = max(COMES_ABOUT * commanded - measured, 2.0 * (measured - BEYOND * F), 0.0)
     return min(max(far - 1.0, 0.0), 1.0) * lacks
+
+
+@part
+def hold_back(
+    config: GovernorConfig,
+    ceiling: float,
+    pad: GovernedPad,
+    held: Held,
+    R_ee: Mat,
+    w_ee: Vec,
+    a_C: Spatial,
+    a_d: Spatial,
+    slides: bool,
+) -> float:
+    """Return the guard's factor on a_C, and keep the feedback and the load that are commanded.
+
+    Args:
+        config: GOVERNOR_CONFIG.
+        ceiling: load that the guard lets pass [N].
+        pad: PAD.
+        held: object on pad axes.
+        R_ee, w_ee: the pad's attitude and turning {w} [rad/s].
+        a_C, a_d: control acceleration of the law, and the reference's in it {w}.
+        slides: whether the object slides and is left to that: nothing is held back.
+
+    Implements: ours: the load of the commanded acceleration never exceeds F^ unless it slides.
+    """
+    weights = surface(spatial(config.slip_axes), config.radius)
+    l_a = drawn(held, weights, R_ee, a_C)
+    l_0 = turning(held, weights, R_ee, w_ee) + weight(held, weights, R_ee, vec(config.gravity))
+    k = 1.0
+    if config.mode != Governing.OFF and not slides:
+        alone = size(l_0)  # an object that holds shows that the limit is wrong, and one that slides needs no guard
+        k = guard_factor(l_a, l_0, ceiling if alone <= ceiling else BRAKES * alone)
+    pad.guard, pad.commanded = k, size(k * l_a + l_0)
+    put_spatial(pad.feedback, a_C - a_d)
+    return k

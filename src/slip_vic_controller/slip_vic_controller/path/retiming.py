@@ -9,13 +9,14 @@ from __future__ import annotations
 from typing import Final
 
 from slip_core.arrays import Array
-from slip_core.compiled import BOOL, IN1, IN2, OUT1, REAL, VOID, kernel, part
+from slip_core.compiled import IN1, IN2, OUT1, REAL, VOID, kernel, part
 from slip_core.records import Mat3, Real, Record, Vec3, dtype_of, layout, record
-from slip_core.vectors import ZERO, Spatial, mat, spatial, vec
+from slip_core.vectors import NOTHING, ZERO, mat, spatial, vec
 from slip_vic_controller.governor import governor
-from slip_vic_controller.governor.governor import GOVERNOR, GOVERNOR_CONFIG, PAD
-from slip_vic_controller.governor.load import ALONE, Held, load, size, surface
-from slip_vic_controller.governor.path_grid import PATH_GRID, along
+from slip_vic_controller.governor.layouts import GOVERNOR, GOVERNOR_CONFIG, PAD
+from slip_vic_controller.governor.load import ALONE, Held, size, surface, weight
+from slip_vic_controller.governor.plan import GRID_POINTS, PATH_GRID, along, sample_time
+from slip_vic_controller.governor.step import Pad
 
 STILL: Final = 1e-12
 """ds/dt below which the path as given rests [m/s]."""
@@ -50,45 +51,35 @@ def held_object(held: HeldObject) -> Held:
     return Held(held.mass, mat(held.inertia), vec(held.r), ALONE)
 
 
+@kernel(VOID(IN1, OUT1))
+def sample_times(config: Array, out: Array) -> None:
+    """Write the path's own times at which its plan samples it (GRID_POINTS,) [s]; config: GOVERNOR_CONFIG."""
+    c = record(config, GOVERNOR_CONFIG)
+    for i in range(GRID_POINTS):
+        out[i] = sample_time(c.mode, i, c.duration)
+
+
 @kernel(VOID(IN1, OUT1, IN1, IN2))
-def begin_timing(config: Array, memory: Array, held: Array, rotation: Array) -> None:
-    """Begin with the object at rest at the path's start.
+def plan_timing(config: Array, memory: Array, held: Array, motion: Array) -> None:
+    """Plan a path, with the object at rest at its start.
 
     Args:
         config: GOVERNOR_CONFIG.
         memory: MEMORY; changed.
         held: HELD_OBJECT.
-        rotation: attitude of the pad there (3, 3) {w}.
+        motion: of the pad at the `sample_times` (GRID_POINTS, 21) {w}: attitude by rows, twist and acceleration over
+            the path's own time.
     """
-    c, m = record(config, GOVERNOR_CONFIG), record(memory, MEMORY)
-    weights, rest = surface(spatial(c.slip_axes), c.radius), Spatial(ZERO, ZERO)
-    at_rest = load(held_object(record(held, HELD_OBJECT)), weights, mat(rotation), ZERO, vec(c.gravity), rest)
-    governor.start_pad(c, m.pad, size(at_rest), False, 1.0)
-    m.pad.estimate.certified = m.pad.estimate.F_hat  # a plan counts with all that is told
+    c, m, grasped = record(config, GOVERNOR_CONFIG), record(memory, MEMORY), held_object(record(held, HELD_OBJECT))
+    start = mat(motion[0, :9].reshape(3, 3))
+    at_rest = size(weight(grasped, surface(spatial(c.slip_axes), c.radius), start, vec(c.gravity)))
+    governor.start_pad(c, m.pad, at_rest, False, 1.0)
+    m.pad.estimate.certified = m.pad.estimate.F_hat  # a plan uses all of the configured friction
     governor.start_governor(c, m.governor, m.pad)
-
-
-@kernel(REAL(IN1, OUT1))
-def wanted_time(config: Array, memory: Array) -> float:
-    """Return the path's own time at which the next point is wanted [s]; negative when all have been taken."""
-    c, m = record(config, GOVERNOR_CONFIG), record(memory, MEMORY)
-    return governor.wanted_time(c, m.governor) if governor.wants_points(m.governor) else -1.0
-
-
-@kernel(VOID(IN1, OUT1, IN1, IN2, IN1, IN1))
-def take_point(config: Array, memory: Array, held: Array, rotation: Array, twist: Array, acceleration: Array) -> None:
-    """Take the path at `wanted_time`: attitude (3, 3), twist (6,) and acceleration (6,) over its own time {w}."""
-    c, m = record(config, GOVERNOR_CONFIG), record(memory, MEMORY)
-    grasped = held_object(record(held, HELD_OBJECT))
-    governor.next_point(c, m.governor, m.grid, grasped, mat(rotation), spatial(twist), spatial(acceleration))
-
-
-@kernel(BOOL(IN1, OUT1))
-def plan_timing(config: Array, memory: Array) -> bool:
-    """Plan a control period's share of the path; return whether the plan is complete."""
-    c, m = record(config, GOVERNOR_CONFIG), record(memory, MEMORY)
+    for i in range(GRID_POINTS):
+        R = mat(motion[i, :9].reshape(3, 3))
+        governor.sample_point(c, m.governor, m.grid, i, grasped, R, spatial(motion[i, 9:15]), spatial(motion[i, 15:]))
     governor.plan(c, m.governor, m.grid)
-    return m.governor.planned == 1
 
 
 @kernel(VOID(IN1, OUT1, IN1, IN2, IN1, IN1, REAL, OUT1))
@@ -98,7 +89,7 @@ def step_timing(
     """Take a step on the path.
 
     Args:
-        config, memory, held: as in `begin_timing`.
+        config, memory, held: as in `plan_timing`.
         rotation, twist, acceleration: of the path at the governor's time, over the path's own time {w}.
         dt: control period [s].
         out: STEP; the result.
@@ -106,7 +97,7 @@ def step_timing(
     c, m, o = record(config, GOVERNOR_CONFIG), record(memory, MEMORY), record(out, STEP)
     state, R = m.governor, mat(rotation)
     point = along(c, state.duration, state.time, R, spatial(twist), spatial(acceleration))
-    pad = governor.Pad(ZERO, R, state.rate * point.tangent, Spatial(ZERO, ZERO))
+    pad = Pad(ZERO, R, state.rate * point.tangent, NOTHING)
     governor.run(c, state, m.grid, held_object(record(held, HELD_OBJECT)), point, pad, UNLIMITED, dt)
     o.time = state.out_time
     o.arrived = 1.0 if state.arrived == 1 and state.out_rate == 0.0 else 0.0
@@ -125,11 +116,3 @@ def time_derivatives(
     moves = at.speed > STILL
     o.rate = m.governor.out_rate / at.speed if moves else 0.0
     o.rate_rate = (m.governor.out_u - at.bend * o.rate * o.rate) / at.speed if moves else 0.0
-
-
-@kernel(VOID(IN1, OUT1, OUT1))
-def timing_outcome(config: Array, memory: Array, out: Array) -> None:
-    """Write whether friction cannot carry the weight (0 or 1), where it loads most [s], that load and the limit [N]."""
-    c, state = record(config, GOVERNOR_CONFIG), record(memory, MEMORY).governor
-    out[0], out[1], out[2] = state.infeasible, state.heaviest_time, state.weight_load
-    out[3] = c.path_margin * state.plan_load

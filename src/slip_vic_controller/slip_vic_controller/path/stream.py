@@ -14,10 +14,9 @@ from typing import Annotated, Final
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Records, Whole, dtype_of
 from slip_core.vectors import Mat, Spatial, Vec
-from slip_vic_controller.governor.backward_pass import left_for_motion, most
-from slip_vic_controller.governor.governor import Governor
+from slip_vic_controller.governor.layouts import Governor
 from slip_vic_controller.governor.load import Held
-from slip_vic_controller.governor.path_grid import Along, GridPoint, take_point
+from slip_vic_controller.governor.plan import Along, GridPoint, left_for_motion, most, take_point
 from slip_vic_controller.law.rotation import (
     exponential,
     left_jacobian,
@@ -141,7 +140,7 @@ def plan_stream(
     F: float,
     reserve: float,
 ) -> None:
-    """Find how fast each point may be passed; F, reserve: as in `step_back`. Other arguments as in `take_point`."""
+    """Find how fast each point may be passed; F, reserve: as in `backward_pass`. Other arguments as in `take_point`."""
     n = stream.count
     again = stream.load > REPLAN * F or REPLAN * stream.load < F
     first = stream.fresh

@@ -1,25 +1,30 @@
-"""The path as the governor sees it: points with the load that running through them puts on the contact.
+"""The plan: the path as sampled points with the load that each puts on the contact, and how fast each may be passed.
 
 On a path x_d(s) with x = sdot^2 and u = sddot the load is l = l_u u + l_x x + l_c. The backward pass needs only the
 scalar products of these three vectors, so a point keeps those. The parameter s is the user's own time where the path
 is only slowed down; for time-optimal motion it is a length, ds = sqrt(|v|^2 + L^2 |w|^2 + floor^2) dt. The floor lets s
-continue where the path turns back; it vanishes towards the ends as the speed of a path does that starts with no
-acceleration, so there s is a length indeed.
+advance where the path turns back; it vanishes towards the ends as the speed of a path does that starts with no
+acceleration, so there s is a length.
+
+The backward pass finds at every point the largest sdot^2 from which the rest of the path can be followed:
+
+    K_i = max { x <= cap : there is a u with |l_u u + l_x x + l_c| <= F and 0 <= x + 2 D u <= K_(i+1) }
+
+A convex problem of two variables. Its maximum is where the velocity cap, the edge of the ellipse, or the ellipse on one
+of the two lines is; the largest admissible one of these is taken, and where rounding rejects all, bisection decides.
 """
 
 from __future__ import annotations
 
 import math
 from enum import IntEnum, unique
-from typing import TYPE_CHECKING, Annotated, Final, NamedTuple, Protocol
+from typing import Annotated, Final, NamedTuple, Protocol
 
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Records, dtype_of
 from slip_core.vectors import Mat, Spatial, Vec
+from slip_vic_controller.governor.layouts import GovernorConfig
 from slip_vic_controller.governor.load import Held, drawn, turning, weight
-
-if TYPE_CHECKING:
-    from slip_vic_controller.governor.governor import GovernorConfig
 
 GRID_POINTS: Final = 200
 FASTEST: Final = 1e6
@@ -55,7 +60,6 @@ class GridPoint(Record):
     cc: Real  # N^2
     cap: Real  # largest sdot^2 for velocity limits
     K: Real  # largest sdot^2 from which the rest of the path can be run
-    K_next: Real  # that of a pass under way
 
 
 class PathGrid(Record):
@@ -229,11 +233,133 @@ def bound(grid: PathGrid, s: float) -> tuple[float, float]:
     return float(a.K + slope * min(max(s - a.s, 0.0), way)), float(slope)
 
 
+# -- backward pass
+
+SHRUNK: Final = 1.0 - 1e-10
+"""Share of a root that is tried, so that rounding does not put it outside."""
+MOST_U: Final = 1e9
+NEGLIGIBLE: Final = 1e-20
+"""uu below which u costs no load; [N^2] over the square of u's unit."""
+BISECTIONS: Final = 60
+REST: Final = 1e-12
+"""uu over F^2 below which the path rests."""
+
+
 @part
-def bound_next(grid: PathGrid, s: float) -> float:
-    """Return K of the pass that has just ended, at s."""
-    i = cell(grid, s)
-    a, b = grid.points[i], grid.points[i + 1]
-    way = b.s - a.s
-    share = min(max((s - a.s) / way, 0.0), 1.0) if way > 0.0 else 0.0
-    return float(a.K_next + share * (b.K_next - a.K_next))
+def range_of_u(uu: float, ub: float, bb: float, F: float) -> tuple[float, float, bool]:
+    """Return lowest and highest u with |l_u u + b| <= F, and whether there is any.
+
+    Args:
+        uu, ub, bb: l_u . l_u, l_u . b, b . b.
+        F: [N].
+    """
+    c = bb - F * F
+    if uu <= NEGLIGIBLE:
+        return -MOST_U, MOST_U, c <= 0.0
+    d = ub * ub - uu * c
+    if d < 0.0:
+        return 0.0, 0.0, False
+    root = math.sqrt(d)
+    return max((-ub - root) / uu, -MOST_U), min((-ub + root) / uu, MOST_U), True
+
+
+@part
+def admissible(point: GridPoint, x: float, F: float, twice: float, after: float) -> bool:
+    """Return whether the path can be run from this point at sdot^2 = x; twice: 2 D; after: K of the next point."""
+    low, high, any_u = range_of_u(
+        point.uu, point.ux * x + point.uc, (point.xx * x + 2.0 * point.xc) * x + point.cc, F
+    )  # fmt: skip
+    return any_u and max(low, -x / twice) <= min(high, (after - x) / twice)
+
+
+@part
+def larger_root(a: float, b: float, c: float) -> float:
+    """Return the larger x with a x^2 + 2 b x + c = 0, a >= 0; -1 where there is none."""
+    d = b * b - a * c
+    if a <= 0.0 or d < 0.0:
+        return -1.0
+    root = math.sqrt(d)
+    return -c / (b + root) if b > 0.0 else (root - b) / a
+
+
+@part
+def on_line(point: GridPoint, F: float, twice: float, after: float) -> float:
+    """Return the largest x of the ellipse on the line x + 2 D u = after."""
+    k, m = after / twice, -1.0 / twice
+    a = point.uu * m * m + 2.0 * point.ux * m + point.xx
+    b = point.uu * k * m + m * point.uc + k * point.ux + point.xc
+    return larger_root(a, b, point.uu * k * k + 2.0 * k * point.uc + point.cc - F * F)
+
+
+@part
+def edge(point: GridPoint, F: float) -> float:
+    """Return the largest x of the ellipse, whatever u."""
+    c = point.cc - F * F
+    if point.uu <= NEGLIGIBLE:
+        return larger_root(point.xx, point.xc, c)
+    a = point.uu * point.xx - point.ux * point.ux
+    return larger_root(a, point.uu * point.xc - point.ux * point.uc, point.uu * c - point.uc * point.uc)
+
+
+@part
+def most(point: GridPoint, F: float, way: float, after: float) -> float:
+    """Return K of a point; -1 where friction does not carry the weight there.
+
+    Args:
+        point: GRID_POINT.
+        F: load that may be used [N].
+        way: D = s_(i+1) - s_i.
+        after: K of the next point.
+    """
+    if point.cc > F * F:
+        return -1.0
+    twice = 2.0 * max(way, 1e-12)
+    if admissible(point, point.cap, F, twice, after):
+        return float(point.cap)
+    best = 0.0
+    for candidate in (edge(point, F), on_line(point, F, twice, after), on_line(point, F, twice, 0.0)):
+        x = SHRUNK * candidate
+        if best < x <= point.cap and admissible(point, x, F, twice, after):
+            best = x
+    if best > 0.0:
+        return best
+    low, high = 0.0, float(point.cap)
+    for _ in range(BISECTIONS):
+        x = 0.5 * (low + high)
+        if admissible(point, x, F, twice, after):
+            low = x
+        else:
+            high = x
+    return low
+
+
+@part
+def at_rest(point: GridPoint, F: float) -> bool:
+    """Return whether the user's path rests at a point, so that sdot is free there: u costs no load."""
+    return bool(point.uu <= REST * F * F)
+
+
+@part
+def left_for_motion(F: float, weight: float, reserve: float) -> float:
+    """Return the load that a motion may use: F less a share of what the weight leaves of it; all in N."""
+    return F - reserve * max(F - weight, 0.0)
+
+
+@part
+def backward_pass(grid: PathGrid, F: float, reserve: float, free_end: bool) -> None:
+    """Write K of every point, 0 where friction does not carry the weight.
+
+    Args:
+        grid: PATH_GRID.
+        F: load that may be used [N].
+        reserve: share of what the weight leaves of it that is not used.
+        free_end: whether sdot need not be 0 at the end of a path that itself ends at rest.
+    """
+    last = len(grid.points) - 1
+    end = grid.points[last]
+    left = left_for_motion(F, math.sqrt(end.cc), reserve)
+    end.K = end.cap if free_end and at_rest(end, left) and end.cc <= left * left else 0.0
+    for k in range(last):
+        point, after = grid.points[last - 1 - k], grid.points[last - k]
+        left = left_for_motion(F, math.sqrt(point.cc), reserve)
+        point.K = max(most(point, left, after.s - point.s, after.K), 0.0)

@@ -1,4 +1,4 @@
-"""The backward pass against a conic solver and against toppra, and the path's parameter against quadrature."""
+"""The plan: backward pass against a conic solver and toppra, path parameter against quadrature."""
 
 from decimal import Decimal
 from types import SimpleNamespace
@@ -8,8 +8,7 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from slip_core.records import new, record
-from slip_vic_controller.governor.backward_pass import admissible, edge, larger_root, most, on_line
-from slip_vic_controller.governor.path_grid import GRID_POINT, path_time
+from slip_vic_controller.governor.plan import GRID_POINT, admissible, edge, larger_root, most, on_line, path_time
 from test.referees.governor_bench import PAPER_PLANAR, Governing, Governor
 from test.referees.governor_paths import BentPath
 from test.referees.planar_governed import PAPER, VERTICAL
@@ -44,7 +43,7 @@ def vectors(G):
     return np.array(rows).transpose(1, 0, 2)
 
 
-def test_points_keep_the_scalar_products_of_the_load() -> None:
+def test_points_keep_load_products() -> None:
     rng = np.random.default_rng(SEED)
     for mode in (Governing.SLOW_DOWN, Governing.TIME_OPTIMAL):
         G = Governor(bent(rng, PAPER_PLANAR), PAPER_PLANAR, mode=mode)
@@ -54,7 +53,7 @@ def test_points_keep_the_scalar_products_of_the_load() -> None:
             np.testing.assert_allclose(ours, theirs, rtol=1e-6, atol=1e-6 * np.abs(theirs).max())
 
 
-def test_the_heaviest_place_of_a_path_is_known_wherever_it_is() -> None:
+def test_heaviest_place_is_found() -> None:
     rng, inside = np.random.default_rng(SEED), 0
     for _ in range(6):
         G = Governor(bent(rng, LIGHT), LIGHT, margin=1.0).plan()
@@ -65,7 +64,7 @@ def test_the_heaviest_place_of_a_path_is_known_wherever_it_is() -> None:
     assert inside
 
 
-def test_s_is_the_length_of_the_path() -> None:
+def test_s_is_path_length() -> None:
     rng = np.random.default_rng(SEED)
     path = bent(rng, PAPER_PLANAR)
     G = Governor(path, PAPER_PLANAR, mode=Governing.TIME_OPTIMAL)
@@ -98,7 +97,7 @@ def conic_bound(cp, G, first):
     return float(x.value[0]) * pace
 
 
-def test_bound_is_that_of_a_conic_solver() -> None:
+def test_bound_matches_conic_solver() -> None:
     cp = pytest.importorskip("cvxpy", reason="a referee of requirements.lock")
     rng = np.random.default_rng(SEED)
     for case, path in (
@@ -112,7 +111,7 @@ def test_bound_is_that_of_a_conic_solver() -> None:
                 assert ours == pytest.approx(conic_bound(cp, G, first), rel=SOLVER)
 
 
-def test_bound_can_be_run_where_friction_only_just_carries_the_weight() -> None:
+def test_bound_admissible_near_weight() -> None:
     rng, bounds = np.random.default_rng(SEED), []
     for _ in range(500):
         l_u, l_x, l_c = (rng.normal(size=3) * 10.0 ** rng.uniform(-2.0, 2.0) for _ in range(3))
@@ -140,7 +139,7 @@ def a_point(rng):
     return point, l_u, l_x, l_c
 
 
-def test_on_a_line_and_at_its_edge_the_ellipse_ends_where_the_load_is_the_limit() -> None:
+def test_ellipse_ends_at_limit() -> None:
     rng = np.random.default_rng(SEED)
     for _ in range(40):
         point, l_u, l_x, l_c = a_point(rng)
@@ -160,7 +159,7 @@ def test_on_a_line_and_at_its_edge_the_ellipse_ends_where_the_load_is_the_limit(
         assert x >= 0.0
 
 
-def test_no_more_than_the_bound_is_admissible() -> None:
+def test_bound_is_largest_admissible() -> None:
     rng, inside = np.random.default_rng(SEED), 0
     for _ in range(100):
         point = a_point(rng)[0]
@@ -185,7 +184,7 @@ def travel_time(G, K=None, first=0, last=None):
     return float(np.sum(2 * D / (np.sqrt(x[1:]) + np.sqrt(x[:-1]))))
 
 
-def test_time_is_that_of_a_conic_solver() -> None:
+def test_time_matches_conic_solver() -> None:
     cp = pytest.importorskip("cvxpy", reason="a referee of requirements.lock")
     first, last = 20, 180  # from rest to rest inside the path: the cells at its ends are too small for a solver
     for case in (PAPER, VERTICAL):
@@ -211,7 +210,7 @@ def record_of(G, i):
     return record(np.frombuffer(G.points[i].tobytes()), GRID_POINT)
 
 
-def test_toppra_with_an_inner_polytope_is_a_little_slower() -> None:
+def test_toppra_is_slightly_slower() -> None:
     pytest.importorskip("toppra", reason="a referee of requirements.lock")
     import toppra
     from toppra import algorithm, constraint
@@ -245,15 +244,7 @@ def test_toppra_with_an_inner_polytope_is_a_little_slower() -> None:
     assert ours * (1 - 1e-4) <= theirs <= ours * 1.01, (ours, theirs)
 
 
-def test_planning_in_pieces_is_planning_at_once() -> None:
-    for pieces in (1, 7, 25, 200):
-        G = Governor(BentPath(PAPER.way, PAPER.duration), PAPER, points_per_cycle=pieces).plan()
-        if pieces == 1:
-            first = G.points["K"].tobytes()
-        assert G.points["K"].tobytes() == first
-
-
-def test_a_path_whose_weight_friction_does_not_carry_is_refused_and_the_place_named() -> None:
+def test_too_heavy_path_is_refused() -> None:
     path = BentPath(VERTICAL.way, VERTICAL.duration)
     G = Governor(path, VERTICAL, margin=0.95).plan()
     assert G.state.infeasible == 1
@@ -262,7 +253,7 @@ def test_a_path_whose_weight_friction_does_not_carry_is_refused_and_the_place_na
     assert Governor(path, VERTICAL, margin=1.0).plan().state.infeasible == 0
 
 
-def test_the_larger_root_is_that_of_numpy_and_negative_where_there_is_none() -> None:
+def test_larger_root_matches_numpy() -> None:
     rng = np.random.default_rng(SEED)
     for a, b, c in rng.normal(size=(300, 3)):
         roots = np.roots((abs(a), 2.0 * b, c))
@@ -272,7 +263,7 @@ def test_the_larger_root_is_that_of_numpy_and_negative_where_there_is_none() -> 
         assert call(larger_root, a, 1.0, -1.0) == -1.0
 
 
-def test_the_larger_root_keeps_its_digits_where_it_is_small() -> None:
+def test_small_root_keeps_digits() -> None:
     """x = -c / (b + root): the other form of it is a difference of nearly equal numbers there."""
     for b in (0.5, 2.0):
         for c in (-1e-3, -1e-8, -1e-12):

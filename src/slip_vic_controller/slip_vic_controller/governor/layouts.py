@@ -1,0 +1,84 @@
+"""Records of the governor: its configuration, where on the path it is, and what it keeps of each pad."""
+
+from __future__ import annotations
+
+from typing import Annotated, Final
+
+from slip_core.arrays import Array
+from slip_core.records import Real, Record, Vec3, Vec6, Whole, dtype_of
+from slip_vic_controller.governor.friction_estimate import Estimate, EstimateConfig, LoadHistory
+
+MAX_WINDOW: Final = 64
+"""Largest number of cycles of the moving average."""
+
+
+class GovernorConfig(Record):
+    """How the path is governed."""
+
+    mode: Whole  # Governing
+    margin: Real  # beta, share of F^ that a motion may use
+    path_margin: Real  # share of that in the backward pass
+    reserve: Real  # share of the friction beside the weight that the path does not use
+    given_up: Real  # share of the load at which it slipped that may be used where nothing less stops on the path
+    radius: Real  # m, rho
+    slip_axes: Vec6  # Sigma, 0 or 1, {ee}
+    gravity: Vec3  # m/s^2 {w}
+    duration: Real  # s, of the user's path
+    length: Real  # m, L: makes turning a length
+    floor: Real  # m/s, of the path's length
+    most_grip: Real  # largest grip over the configured one
+    most_speed: Real  # m/s, of the pad
+    most_turning: Real  # rad/s
+    window: Whole  # cycles of the moving average
+    guards: Whole  # whether the guard holds back where the object slips and the path is overrun
+    led: Whole  # whether an object that slips leads the path; several arms keep to it
+    estimate: EstimateConfig
+
+
+class Governor(Record):
+    """Where on the path the object is, the plan in use, and what limits the path."""
+
+    duration: Real  # s, of the path that is followed
+    s: Real
+    rate: Real  # sdot
+    time: Real  # s, the user's time at s
+    end: Real  # of s
+    out_s: Real  # the same after smoothing
+    out_rate: Real
+    out_u: Real  # sddot
+    out_time: Real  # s
+    out_speed: Real  # ds/dt of the first pad's path at out_time
+    out_bend: Real  # its rate
+    planned: Whole  # whether there is a plan
+    asked: Real  # N, that a plan was asked for
+    plan_load: Real  # N, of the plan in use: more than that where margin was given up to stop on the path
+    infeasible: Whole  # friction does not carry the weight everywhere on the path
+    heaviest_time: Real  # s, where the weight loads most
+    weight_load: Real  # N, that load
+    limit: Whole  # Limit: the first that leaves no sddot
+    overrun: Whole  # no allowed load stops on the path
+    halted: Whole  # the path rests, since the observer has found slip at a load below what it needs from here on
+    led_s: Real  # s, for which a slipping object has led the path while it hardly moved
+    endless: Whole  # that slip does not end, so the path continues
+    arrived: Whole
+    usable: Real  # N, load that the path may use
+    ceiling: Real  # N, load that the guard lets pass
+    grip: Real  # least of all pads, over the one for which F^ is configured
+    ring_count: Whole
+    ring: Annotated[Array, (MAX_WINDOW, 3)]  # s, sdot, sddot
+    estimate: Estimate  # of the weakest pad
+
+
+class GovernedPad(Record):
+    """What the governor keeps of each pad."""
+
+    feedback: Vec6  # a_C - a_d of the last cycle {w}
+    commanded: Real  # N, load of the last cycle
+    measured: Real  # N
+    guard: Real  # factor on a_C
+    grip: Real  # over the one for which F^ is configured
+    estimate: Estimate
+    loads: LoadHistory  # of the last cycles
+
+
+GOVERNOR_CONFIG, GOVERNOR, PAD = dtype_of(GovernorConfig), dtype_of(Governor), dtype_of(GovernedPad)

@@ -1,0 +1,229 @@
+"""The step on the path: an ordered list of named intervals of sddot, of which the largest common value is taken.
+
+Each limit is one function that returns an interval. They apply in the order of `Limit`. One that has nothing in common
+with what those before it leave is not met: the value nearest to it is taken, and the first such limit is published.
+"""
+
+from __future__ import annotations
+
+import math
+from enum import IntEnum, unique
+from typing import Final, NamedTuple
+
+from slip_core.compiled import part
+from slip_core.vectors import Mat, Spatial, Vec, spatial, vec
+from slip_vic_controller.governor.friction_estimate import Friction, provisional
+from slip_vic_controller.governor.layouts import Governor, GovernorConfig
+from slip_vic_controller.governor.load import Held, drawn, size, surface, turning, weight
+from slip_vic_controller.governor.plan import MOST_U, Along, Governing, left_for_motion, range_of_u
+
+MORE_THAN_WEIGHT: Final = 1.0 + 1e-6
+"""Of what the weight alone needs: with that the path can be followed, as slowly as need be."""
+OVER: Final = 1.1
+"""sdot^2 over K beyond which an overrun is reported, ..."""
+SLOWEST: Final = 2e-2
+"""... if this speed of the pad or more is too much [m/s]."""
+
+
+@unique
+class Limit(IntEnum):
+    """What limits sddot, in the order in which it applies."""
+
+    NONE = 0
+    PATH = 1
+    LOAD = 2
+    RESERVE = 3
+    CATCH_UP = 4
+    SUSPICION = 5
+    SPEED = 6
+
+
+class Interval(NamedTuple):
+    """Values of sddot; met: whether there are any, else both are the nearest."""
+
+    low: float
+    high: float
+    met: bool
+
+
+class Pad(NamedTuple):
+    """The pad {w}: x, as seen from a point of the path [m]; attitude R; twist v; feedback: a_C - a_d, last cycle."""
+
+    x: Vec
+    R: Mat
+    v: Spatial
+    feedback: Spatial
+
+
+class PathLoad(NamedTuple):
+    """Load on pad axes [N], affine in sddot: l = per_u u + rest.
+
+    rest: with the impedance's feedback; planned: without it; full: without it, at the user's own speed; weight: |l_c|.
+    """
+
+    per_u: Spatial
+    rest: Spatial
+    planned: Spatial
+    full: Spatial
+    weight: float
+
+
+@part
+def path_load(config: GovernorConfig, rate: float, held: Held, point: Along, pad: Pad) -> PathLoad:
+    """Return the load of following the path at sdot = rate from a point of it."""
+    weights, R = surface(spatial(config.slip_axes), config.radius), pad.R
+    l_c = weight(held, weights, R, vec(config.gravity))
+    l_0 = turning(held, weights, R, pad.v.angular) + l_c
+    curve = drawn(held, weights, R, point.curve)
+    planned = (rate * rate) * curve + l_0
+    rest = planned + drawn(held, weights, R, pad.feedback)
+    return PathLoad(drawn(held, weights, R, point.tangent), rest, planned, curve + l_0, size(l_c))
+
+
+# -- the limits
+
+
+@part
+def at_most(high: float) -> Interval:
+    """Return the interval of all that is not larger."""
+    return Interval(-MOST_U, high, True)
+
+
+@part
+def carried(per_u: Spatial, rest: Spatial, F: float) -> Interval:
+    """Return the sddot with |per_u u + rest| <= F [N]; where there is none, the one of least load."""
+    uu, ub = per_u.dot(per_u), per_u.dot(rest)
+    low, high, met = range_of_u(uu, ub, rest.dot(rest), F)
+    if not met:
+        low = high = -ub / uu if uu > 0.0 else 0.0
+    return Interval(low, high, met)
+
+
+@part
+def of_path(rate: float, speed_up: float, dt: float) -> Interval:
+    """The path is not followed backwards, nor faster where its bound is lower already: there the guard decides."""
+    return Interval(-rate / dt, max(speed_up, 0.0), True)
+
+
+@part
+def of_reserve(config: GovernorConfig, state: Governor, load: PathLoad) -> Interval:
+    """Without feedback the path leaves the reserve; braking may use it."""
+    if config.reserve == 0.0:
+        return at_most(MOST_U)
+    F = left_for_motion(state.usable, load.weight, config.reserve)
+    return at_most(carried(load.per_u, load.planned, F).high)
+
+
+@part
+def of_catching_up(config: GovernorConfig, state: Governor, load: PathLoad) -> Interval:
+    """To catch up takes no more load than the path as planned, or what has been carried.
+
+    Where the weight alone is more than that, it would not help.
+    """
+    certified = state.grip * state.estimate.certified
+    if config.mode != Governing.SLOW_DOWN or load.weight >= certified:
+        return at_most(MOST_U)
+    F = max(certified + state.grip * config.estimate.probe, size(load.full))
+    found = carried(load.per_u, load.rest, F)
+    return at_most(max(found.high, 0.0) if found.met else 0.0)
+
+
+@part
+def of_suspicion(config: GovernorConfig, state: Governor, load: PathLoad) -> Interval:
+    """While the observer alone finds slip, no more load than that is taken, unless it takes more to stop on the path.
+
+    Each of several arms takes the motion of the others for slip, which is no reason to stop for good.
+    """
+    if state.estimate.suspected == 0:
+        return at_most(MOST_U)
+    F = state.grip * provisional(config.estimate, state.estimate)[0]
+    if config.led == 0:
+        F = with_weight(config, state, F)
+    found = carried(load.per_u, load.rest, min(F, state.usable))
+    return Interval(-MOST_U, found.high, found.met)
+
+
+@part
+def to_bound(K: float, slope: float, rate: float, most_rate: float, dt: float) -> float:
+    """Return the sddot that leads to sdot^2 = K, or to another limit of sdot, within a period dt [s]; slope: dK/ds."""
+    m = 0.5 * slope * dt
+    d = 0.25 * m * m + K - m * rate
+    fastest = max(0.5 * m + math.sqrt(d), 0.0) if d > 0.0 else 0.0
+    return (min(fastest, most_rate) - rate) / dt
+
+
+# -- the step
+
+
+@part
+def step_on(
+    config: GovernorConfig,
+    state: Governor,
+    ahead: tuple[float, float],
+    held: Held,
+    point: Along,
+    pad: Pad,
+    most_rate: float,
+    dt: float,
+) -> float:
+    """Return sddot of this cycle.
+
+    Args:
+        config, state: GOVERNOR_CONFIG, GOVERNOR; what limits the path is written to it.
+        ahead: K and its slope where the path will be.
+        held: object on pad axes.
+        point: the path at state.time, from `along`.
+        pad: as seen from that point.
+        most_rate: largest sdot for other reasons.
+        dt: control period [s].
+    """
+    K, slope = ahead
+    rate, load = state.rate, path_load(config, state.rate, held, point, pad)
+    speed_up = to_bound(K, slope, rate, most_rate, dt)
+    suspicion = of_suspicion(config, state, load)
+    limits = (
+        of_path(rate, speed_up, dt),
+        carried(load.per_u, load.rest, state.usable),
+        of_reserve(config, state, load),
+        of_catching_up(config, state, load),
+        suspicion,
+        at_most(speed_up),
+    )
+    low, high, unmet = -MOST_U, MOST_U, 0
+    for i in range(len(limits)):
+        limit = limits[i]
+        if unmet == 0 and not (limit.met and limit.low <= high and low <= limit.high):
+            unmet = i + 1
+        low, high = min(max(limit.low, low), high), max(min(limit.high, high), low)
+    state.limit = unmet
+    rests = rate == 0.0 and speed_up > 0.0
+    state.halted = 1 if rests and not (suspicion.met and suspicion.high > 0.0) else 0
+    if (rate * rate - OVER * K) * pace(config, point) > SLOWEST * SLOWEST:
+        state.overrun = 1
+    return high
+
+
+@part
+def pace(config: GovernorConfig, point: Along) -> float:
+    """Return the square of the pad's speed over sdot, turning as a length."""
+    p, w = point.tangent.linear, config.length * point.tangent.angular
+    return p.dot(p) + w.dot(w)
+
+
+@part
+def carried_weight(config: GovernorConfig, state: Governor, F: float, weight_load: float) -> float:
+    """Return a load [N], at least what a weight alone needs [N], as far as friction carried that at first."""
+    needed = MORE_THAN_WEIGHT * weight_load / config.path_margin
+    return float(max(F, min(needed, config.margin * state.estimate.first)))
+
+
+@part
+def with_weight(config: GovernorConfig, state: Governor, F: float) -> float:
+    """Return a load [N], at least what the weight alone needs on the path, where that is to be tried.
+
+    On the way there is nothing better than to continue slowly: a stop throws what hardly holds, and the weight is there
+    at rest too. With unknown friction what carries the weight can only be found by trying, up to the configured limit.
+    """
+    if state.planned == 0 and config.estimate.friction != Friction.UNKNOWN:
+        return F
+    return carried_weight(config, state, F, state.weight_load)
