@@ -20,7 +20,7 @@ DURATION_S = 1.7
 ROUNDING = 1e-12
 
 
-def test_a_goal_is_reached_at_rest_from_any_motion() -> None:
+def test_goal_reached_from_any_motion() -> None:
     rng = np.random.default_rng(2)
     position, velocity, acceleration, way = rng.normal(size=(4, 6))
     rotation, turn = (Rotation.from_rotvec(each) for each in (position[3:], 0.5 * way[3:]))
@@ -63,7 +63,7 @@ def share(x: float) -> tuple[float, float]:
     return x**3 * (10.0 - 15.0 * x + 6.0 * x * x), 30.0 * x * x * (1.0 - x) ** 2
 
 
-def test_ungoverned_a_goal_is_the_quintic_of_its_duration_and_says_how_far_it_is() -> None:
+def test_ungoverned_goal_is_quintic() -> None:
     made_up, way, ms = at_work("off"), np.array([0.0, 0.004, -0.002]), 40
     began = give(made_up, way, ms)
     goal = made_up.session.task.goal
@@ -77,7 +77,7 @@ def test_ungoverned_a_goal_is_the_quintic_of_its_duration_and_says_how_far_it_is
         assert abs(result.scalars()["goal_progress"] - x) < 1e-9
 
 
-def test_ungoverned_a_goal_on_the_way_is_left_for_a_newer_one_with_its_motion() -> None:
+def test_newer_goal_keeps_motion() -> None:
     made_up = at_work("off")
     give(made_up, np.array([0.0, 0.004, 0.0]), 40)
     made_up.run(20, slip=np.zeros(6))
@@ -93,7 +93,7 @@ def test_ungoverned_a_goal_on_the_way_is_left_for_a_newer_one_with_its_motion() 
     np.testing.assert_allclose(twists[-1], 0.0, atol=ROUNDING)
 
 
-def test_governed_the_progress_of_a_goal_is_the_share_of_the_path_that_is_behind() -> None:
+def test_governed_goal_progress() -> None:
     made_up = at_work("slow_down")
     config, task = record(made_up.controller.config, CONFIG), made_up.session.task
     task.governor.duration, task.goal.path.knot[1] = 4.0, 4.0
@@ -106,7 +106,7 @@ def test_governed_the_progress_of_a_goal_is_the_share_of_the_path_that_is_behind
         assert call(goal_progress, config, task, made_up.state) == expected, (time, phase)
 
 
-def test_ungoverned_the_progress_of_a_goal_is_a_share_at_all_times() -> None:
+def test_ungoverned_goal_progress() -> None:
     made_up = at_work("off")
     config, task, state = record(made_up.controller.config, CONFIG), made_up.session.task, made_up.state
     task.goal.phase, task.goal.path.knot[1] = GoalPhase.MOVES, 4.0
@@ -115,7 +115,7 @@ def test_ungoverned_the_progress_of_a_goal_is_a_share_at_all_times() -> None:
         assert call(goal_progress, config, task, state) == expected, time_s
 
 
-def test_a_goal_that_rests_stays_at_the_pose_it_was_given() -> None:
+def test_resting_goal_keeps_pose() -> None:
     goal, turned = record(new(GOAL), GOAL), Rotation.from_rotvec((0.1, -0.2, 0.3)).as_matrix()
     goal.position[:] = 9.0
     moving = spatial(np.ones(6))

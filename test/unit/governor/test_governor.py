@@ -11,7 +11,7 @@ from slip_vic_controller.governor import governor
 from slip_vic_controller.governor.friction_estimate import provisional
 from slip_vic_controller.governor.guard import BRAKES
 from slip_vic_controller.governor.plan import path_time
-from slip_vic_controller.governor.step import OVER
+from slip_vic_controller.governor.step import OVER, Limit
 from test.referees.governor_bench import PAPER_PLANAR, Friction, Governing, Governor
 from test.referees.governor_paths import BentPath
 from test.referees.planar_governed import (
@@ -311,6 +311,17 @@ def test_suspicion_limits_load() -> None:
         _, R, v, a = G.before()
         G.after(a, a, R, v[3:])
         assert np.linalg.norm(G.load_of(R, v[3:], a)) <= left * (1 + ROUNDING)
+
+
+def test_first_unmet_limit_is_published() -> None:
+    G, *_ = on_its_way(900)
+    assert G.state.limit == Limit.NONE
+    G.before(most_rate=0.0)
+    assert G.state.limit == Limit.SPEED, "it brakes as hard as the load admits"
+    G.state.estimate.suspected, G.state.estimate.suspected_at = 1, 0.9 * PAPER.force
+    G.pad.feedback[0] = 10.0
+    G.before(most_rate=0.0)
+    assert G.state.limit == Limit.LOAD, "the feedback alone loads more than friction carries"
 
 
 def test_catching_up_uses_carried_load() -> None:

@@ -14,7 +14,6 @@ from slip_vic_controller.cycle.governing import guard, held
 from slip_vic_controller.governor.guard import missing_load
 from slip_vic_controller.state import CONFIG, OUTPUTS
 from test.support.call import call
-from test.support.every import every
 
 TICKS = 700
 """Tare and the first tenths of a second on the path."""
@@ -50,8 +49,8 @@ def on_its_path(drive: str) -> OnItsPath:
     return OnItsPath(drive)
 
 
-@every(("drive", "stays"), (("ideal", False), ("torque_joint", True)))
-def test_what_slides_needs_no_guard_unless_the_path_is_overrun_and_nothing_compensates(drive: str, stays: bool) -> None:
+@pytest.mark.parametrize(("drive", "stays"), [("ideal", False), ("torque_joint", True)])
+def test_guard_holds_overrun_slide(drive: str, stays: bool) -> None:
     """Found by the lottery: the impedance dragged at an object that had overrun its path with four times F^."""
     arm = on_its_path(drive)
     holds = arm.factor(slips=False, overrun=False)
@@ -61,7 +60,7 @@ def test_what_slides_needs_no_guard_unless_the_path_is_overrun_and_nothing_compe
     assert arm.factor(slips=True, overrun=True) == (holds if stays else 1.0)
 
 
-def test_load_that_is_missing_where_the_object_slides_is_not_taken_for_that_of_something_else() -> None:
+def test_missing_load_of_slide_is_ignored() -> None:
     arm = on_its_path("torque_joint")
     assert arm.factor(slips=False, overrun=True, off_m=0.03) == 1.0
     assert arm.factor(slips=True, overrun=True, off_m=0.03) == arm.factor(slips=True, overrun=True)

@@ -14,7 +14,6 @@ from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.path.joint_path import JointFeed, JointPath, Points, checked
-from test.support.every import every
 
 WAY = np.array([0.04, 0.03, 0.0])
 TICKS, FIRST, PREVIEW_S = 1000, 5, 0.1
@@ -47,8 +46,8 @@ def path_of(robot, names, times, values):
     return JointPath(checked(Points(*joint_trajectory(message(names, times, values))), "joint_trajectory"), robot)
 
 
-@every("law, interface", (("governed", "position"), ("classical", "effort")))
-def test_the_pad_follows_a_joint_trajectory(law, interface):
+@pytest.mark.parametrize(("law", "interface"), [("governed", "position"), ("classical", "effort")])
+def test_pad_follows_joint_trajectory(law, interface):
     given = {
         "controller.trajectory.kind": "topic", "controller.command.interface": interface, "bridge.duration_s": 1.1,
         "bridge.drive.interface": interface, "bridge.friction.mu_k": 0.5,
@@ -89,7 +88,7 @@ def arm():
     return Robot(loaded.urdf, params.ee_frame, params.joint_names), np.array(loaded.bridge.initial_position)
 
 
-def test_the_feed_is_the_motion_along_the_path():
+def test_feed_is_consistent_motion():
     """Twist and acceleration are the rates of the pose; the end is at rest; the pace is the governor's."""
     robot, q = arm()
     path = path_of(robot, robot.joint_names, *planned(robot, q))
@@ -106,7 +105,7 @@ def test_the_feed_is_the_motion_along_the_path():
     np.testing.assert_allclose(np.gradient(twists, 1e-3, axis=0)[5:-5], accelerations[5:-5], atol=1e-3)
 
 
-@every("change, line", (
+@pytest.mark.parametrize(("change", "line"), [
     (lambda n, t, v: (("elbow", *n[1:]), t, v), "joints .'elbow'"),
     (lambda n, t, v: (n, t, v[:, 1:]), "positions in point 1"),
     (lambda n, t, v: (n, t[:1], v[:1]), "1 points, expected at least 2"),
@@ -116,8 +115,8 @@ def test_the_feed_is_the_motion_along_the_path():
     (lambda n, t, v: (n, t, v + 0.1), "from the pad, expected 10 mm"),
     (lambda n, t, v: (n, 0.01 * t, v), "allow more time"),
     (lambda n, t, v: (n, [0.0, 1e-9, 2e-9, *t[3:]], v), "path: times|allow more time"),
-))  # fmt: skip
-def test_what_is_refused_in_one_line(change, line):
+])  # fmt: skip
+def test_bad_trajectory_is_refused(change, line):
     robot, q = arm()
     names, times, values = change(robot.joint_names, *planned(robot, q))
     with pytest.raises(InputError, match=line) as refused:

@@ -40,7 +40,7 @@ def referee(m, J_o, R_o, R, r, w, a, gravity, axes, rho):
     return np.array([1, 1, 1, 1 / rho, 1 / rho, 1 / rho]) * axes * turned
 
 
-def test_load_is_the_wrench_that_rigid_motion_needs() -> None:
+def test_load_is_rigid_body_wrench() -> None:
     rng = np.random.default_rng(SEED)
     for _ in range(CASES):
         R_o, R_c, R_s, R_start = Rotation.random(4, rng).as_matrix()
@@ -61,7 +61,7 @@ def test_load_is_the_wrench_that_rigid_motion_needs() -> None:
         del R_start
 
 
-def test_a_still_pad_carries_the_weight() -> None:
+def test_still_pad_carries_weight() -> None:
     held = Held(0.5, mat(1e-3 * np.eye(3)), vec(np.array([0.0, 0.02, 0.0])), ALONE)
     weights = surface(spatial(np.array([1.0, 1, 0, 0, 0, 1])), 0.03)
     nothing = spatial(np.zeros(6))
@@ -69,7 +69,7 @@ def test_a_still_pad_carries_the_weight() -> None:
     np.testing.assert_allclose(np.concatenate(l), [0, -0.5 * 9.81, 0, 0, 0, 0], atol=1e-15)
 
 
-def test_the_guard_takes_the_largest_factor_within_the_limit() -> None:
+def test_guard_takes_largest_factor() -> None:
     rng = np.random.default_rng(SEED)
     shares = np.linspace(0, 1, 2001)
     kinds = set()
@@ -89,7 +89,7 @@ def test_the_guard_takes_the_largest_factor_within_the_limit() -> None:
     assert kinds == {"whole", "part", "too heavy"}
 
 
-def test_the_load_of_shared_pads_is_never_below_that_of_any_of_them() -> None:
+def test_shared_load_bounds_every_pad() -> None:
     rng, rho = np.random.default_rng(SEED), 0.015
     weights = surface(spatial(np.array([1.0, 1, 0, 0, 0, 1])), rho)
     tight = 0.0

@@ -42,7 +42,7 @@ def scaled(t: float, buffer: np.ndarray):
     return out
 
 
-def test_twist_and_acceleration_are_the_derivatives_at_another_speed() -> None:
+def test_scaled_rates_are_derivatives() -> None:
     """s(t) = s_0 + sigma_0 t + rate t^2 / 2 along the path: differences of the pose give twist and acceleration."""
     s_0, sigma, rate, h = 0.9, 0.6, -0.5, 1e-4
     now = scaled(s_0, scaling(sigma, rate))
@@ -58,7 +58,7 @@ def test_full_speed_changes_no_bit() -> None:
         assert scaled(t, scaling(1.0)).tobytes() == reference_of(PATH, t, *START).tobytes()
 
 
-def test_the_scale_moves_in_a_known_time_and_never_jumps() -> None:
+def test_scale_changes_at_bounded_rate() -> None:
     state, lost = scaling(1.0), 0
     for k in range(600):
         before = record(state, PATH_SCALING).scale
@@ -72,12 +72,12 @@ def test_the_scale_moves_in_a_known_time_and_never_jumps() -> None:
     assert record(state, PATH_SCALING).rate == 0.0
 
 
-def test_the_clock_stands_still_at_full_speed_exactly() -> None:
+def test_full_speed_loses_no_time() -> None:
     state = scaling(1.0)
     assert all(run_scaling(state, 1.0, dt, 0.5) == 0 for dt in (1, MS, 7 * MS + 1))
 
 
-def test_the_reference_waits_for_the_arm() -> None:
+def test_reference_waits_for_arm() -> None:
     assert call(path_scaling.scale_for_error, 0.15, 0.0, 0.3, 6.0) == 1.0
     assert call(path_scaling.scale_for_error, 0.0, 4.5, 0.3, 6.0) == pytest.approx(0.5)
     assert call(path_scaling.scale_for_error, 0.3, 0.0, 0.3, 6.0) == 0.0

@@ -33,7 +33,7 @@ def path_of(kind: str):
     return params, lambda t: reference_of(path, t, *START)
 
 
-def test_velocity_and_acceleration_are_the_derivatives() -> None:
+def test_rates_are_derivatives() -> None:
     """Checked all along the motion, knots, ramps, start and end included, where the acceleration is continuous."""
     for kind in KINDS:
         params, at = path_of(kind)
@@ -55,7 +55,7 @@ def test_acceleration_is_continuous() -> None:
         assert np.abs(np.diff(accelerations, axis=0)).max() < 0.1
 
 
-def test_motion_begins_and_ends_at_rest() -> None:
+def test_motion_rests_at_both_ends() -> None:
     for kind in KINDS:
         params, at = path_of(kind)
         for t in (-1.0, 0.0, params.duration_s, params.duration_s + 5.0):
@@ -75,7 +75,7 @@ def test_quintic_ends_at_its_goal() -> None:
     np.testing.assert_allclose(middle.position, START[0] + 0.5 * np.array(params.displacement), atol=ROUNDING)
 
 
-def test_waypoints_are_passed_in_time() -> None:
+def test_waypoints_are_passed() -> None:
     _, at = path_of("waypoints")
     for k, point in enumerate(np.array(WAYPOINTS).reshape(-1, 6), start=1):
         np.testing.assert_allclose(at(float(k)).position, START[0] + point[:3], atol=ROUNDING)
@@ -92,7 +92,7 @@ def test_waypoint_times_are_kept() -> None:
         np.testing.assert_allclose(at.rotation, exponential(np.array(point[3:])) @ START[1], atol=ROUNDING)
 
 
-def test_more_waypoints_than_fit_are_refused() -> None:
+def test_too_many_waypoints_are_refused() -> None:
     for count, fits in ((MAX_SEGMENTS, True), (MAX_SEGMENTS + 1, False)):
         params = build(TrajectoryParams, {"kind": "waypoints", "waypoints": (0.1,) * 6 * count}, "test")
         if fits:
@@ -102,7 +102,7 @@ def test_more_waypoints_than_fit_are_refused() -> None:
                 make_path(params)
 
 
-def test_circle_keeps_its_radius_in_its_plane_and_reaches_its_speed() -> None:
+def test_circle_keeps_radius_and_speed() -> None:
     params, at = path_of("circle")
     centre = START[0] + np.array([0.0, 0.0, 0.15])
     for t in np.linspace(0.0, 6.0, 61):
@@ -112,7 +112,7 @@ def test_circle_keeps_its_radius_in_its_plane_and_reaches_its_speed() -> None:
     assert np.linalg.norm(at(3.0).twist[:3]) == pytest.approx(0.15 * 2 * np.pi / params.period_s, abs=ROUNDING)
 
 
-def test_lemniscate_crosses_its_start_at_half_a_round() -> None:
+def test_lemniscate_crosses_start() -> None:
     path = make_path(build(TrajectoryParams, {"kind": "lemniscate", "duration_s": 9.0, "period_s": 4.0}, "test"))
     half = 0.5 + 0.5 * 4.0  # the ramp of 1 s costs half of itself
     at = reference_of(path, half, *START)

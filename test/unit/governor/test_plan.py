@@ -1,11 +1,10 @@
-"""The plan: backward pass against a conic solver and toppra, path parameter against quadrature."""
+"""The plan: backward pass against a conic solver, path parameter against quadrature."""
 
 from decimal import Decimal
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.spatial import ConvexHull
 
 from slip_core.records import new, record
 from slip_vic_controller.governor.plan import GRID_POINT, admissible, edge, larger_root, most, on_line, path_time
@@ -16,8 +15,6 @@ from test.support.call import call
 
 SOLVER = 1e-3
 """Relative: what interior point solvers reach on 200 chained cones."""
-FACETS = 402
-"""Directions of the inner polytope of toppra's case: 800 facets, 1 % inside at most."""
 SEED = 11
 LIGHT = SimpleNamespace(**{**vars(PAPER_PLANAR), "gravity": np.array([0.1, -0.1, 0.2]), "axes": np.ones(6)})
 """All six axes, and a weight that friction carries in every attitude."""
@@ -170,78 +167,6 @@ def test_bound_is_largest_admissible() -> None:
         for more in (1e-6, 1e-3, 0.1):
             assert bound == point.cap or not admissible(point, bound * (1.0 + more), 1.0, 2.0 * way, after)
     assert inside > 80
-
-
-def travel_time(G, K=None, first=0, last=None):
-    """Time of the fastest run on the grid from rest: x as large as K and the load admit, point by point."""
-    p, F = G.points[first:last], float(G.config.path_margin * G.state.plan_load)
-    K = p["K"] if K is None else K
-    x, D = np.zeros(len(p)), np.diff(p["s"])
-    for i in range(len(D)):
-        ub, bb = p["ux"][i] * x[i] + p["uc"][i], p["xx"][i] * x[i] ** 2 + 2 * p["xc"][i] * x[i] + p["cc"][i]
-        u = (-ub + np.sqrt(max(ub * ub - p["uu"][i] * (bb - F * F), 0.0))) / p["uu"][i]
-        x[i + 1] = min(K[i + 1], x[i] + 2 * D[i] * u)
-    return float(np.sum(2 * D / (np.sqrt(x[1:]) + np.sqrt(x[:-1]))))
-
-
-def test_time_matches_conic_solver() -> None:
-    cp = pytest.importorskip("cvxpy", reason="a referee of requirements.lock")
-    first, last = 20, 180  # from rest to rest inside the path: the cells at its ends are too small for a solver
-    for case in (PAPER, VERTICAL):
-        G = Governor(BentPath(case.way, case.duration), case, mode=Governing.TIME_OPTIMAL, margin=1.0).plan()
-        p, F = G.points[first:last], float(G.config.path_margin * G.state.plan_load)
-        l_u, l_x, l_c = (v[first:last] for v in vectors(G))
-        D, n = np.diff(p["s"]), len(p)
-        K = np.zeros(n)
-        for i in range(n - 2, -1, -1):
-            K[i] = most(record_of(G, first + i), F, D[i], K[i + 1])
-        way, pace = D.mean(), K.max()
-        x, u, y = cp.Variable(n, nonneg=True), cp.Variable(n), cp.Variable(n, nonneg=True)
-        load = cp.multiply(l_u * pace / way / F, u[:, None]) + cp.multiply(l_x * pace / F, x[:, None]) + l_c / F
-        rules = [cp.norm(load[: n - 1], axis=1) <= 1, x[1:] == x[:-1] + cp.multiply(2 * D / way, u[: n - 1])]
-        rules += [x[0] == 0, x[n - 1] == 0, y <= cp.sqrt(x)]
-        problem = cp.Problem(cp.Minimize(cp.sum(cp.multiply(2 * D / way, cp.inv_pos(y[1:] + y[:-1])))), rules)
-        problem.solve(solver=cp.CLARABEL)
-        theirs = problem.value * way / np.sqrt(pace)
-        assert travel_time(G, K, first, last) == pytest.approx(theirs, rel=2 * SOLVER)  # 1 / sqrt(x) at the ends
-
-
-def record_of(G, i):
-    return record(np.frombuffer(G.points[i].tobytes()), GRID_POINT)
-
-
-def test_toppra_is_slightly_slower() -> None:
-    pytest.importorskip("toppra", reason="a referee of requirements.lock")
-    import toppra
-    from toppra import algorithm, constraint
-
-    G = Governor(BentPath(PAPER.way, PAPER.duration), PAPER, mode=Governing.TIME_OPTIMAL, margin=0.97).plan()
-    p = G.points
-    l_u, l_x, l_c = (v[:, [0, 1, 5]] for v in vectors(G))
-    F = float(G.config.path_margin * G.state.plan_load)
-    k = np.arange(FACETS)
-    z, turn = 1 - (2 * k + 1) / FACETS, np.pi * (1 + np.sqrt(5)) * k
-    sphere = np.column_stack((np.sqrt(1 - z * z) * np.cos(turn), np.sqrt(1 - z * z) * np.sin(turn), z))
-    facets = ConvexHull(sphere).equations
-    assert len(facets) == 800
-
-    class Surface(constraint.LinearConstraint):
-        def __init__(self):
-            super().__init__()
-            self.dof, self.identical = 1, True
-
-        def compute_constraint_params(self, path, gridpoints):
-            assert len(gridpoints) == len(l_u)
-            return l_u, l_x, l_c, facets[:, :3], -F * facets[:, 3], None, None
-
-    toppra.setup_logging("ERROR")
-    s = p["s"] - p["s"][0]
-    line = toppra.SplineInterpolator(np.array([0.0, s[-1]]), np.array([[0.0], [s[-1]]]))
-    solver = algorithm.TOPPRA([Surface()], line, gridpoints=s, solver_wrapper="seidel")
-    _, rates, _ = solver.compute_parameterization(0.0, 0.0)
-    theirs = float(np.sum(2 * np.diff(s) / (rates[1:] + rates[:-1])))
-    ours = travel_time(G)
-    assert ours * (1 - 1e-4) <= theirs <= ours * 1.01, (ours, theirs)
 
 
 def test_too_heavy_path_is_refused() -> None:

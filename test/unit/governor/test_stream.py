@@ -83,7 +83,7 @@ class Streamed:
         self.poses, self.twists = np.array(self.poses), np.array(self.twists)
 
 
-def test_a_stream_too_fast_for_friction_is_followed_more_slowly_and_nothing_slips() -> None:
+def test_fast_stream_is_slowed() -> None:
     """Ungoverned, this trajectory lets the object slip 40 mm; its end comes later by what friction asks for."""
     run = Streamed(3.0, period=10)
     assert run.slip_m < HELD_M
@@ -94,14 +94,14 @@ def test_a_stream_too_fast_for_friction_is_followed_more_slowly_and_nothing_slip
     assert np.abs(np.diff(run.poses, axis=0) / 1e-3 - run.twists[:-1, :3]).max() < 1e-2, "twist is that of the pose"
 
 
-def test_a_stream_leaves_the_reserve_and_is_run_through() -> None:
+def test_stream_leaves_reserve() -> None:
     """Without weight in the slip plane it asks for half of what it would ask for; feedback adds to that."""
     run = Streamed(4.0, "controller.governor.reserve=0.5", period=10)
     assert run.load < 0.65
     assert np.abs(run.poses[-1] - WAY).max() < 1e-9
 
 
-def test_a_stream_that_friction_carries_is_followed_later_by_the_preview() -> None:
+def test_easy_stream_lags_by_preview() -> None:
     run = Streamed(2.3, "controller.governor.friction_limit=2.0", "bridge.friction.mu_s=4.0", period=4, stamped=False)
     due = np.array([motion((tick - FIRST) * 1e-3 - 0.1)[0] for tick in range(len(run.poses))])
     # 0.1 s of preview, half of the 20 ms of smoothing.
@@ -111,7 +111,7 @@ def test_a_stream_that_friction_carries_is_followed_later_by_the_preview() -> No
     assert min(run.guards) == 1.0
 
 
-def test_a_stream_that_ends_in_motion_is_braked_for_within_friction() -> None:
+def test_stream_ending_in_motion_brakes() -> None:
     run = Streamed(3.0, period=10, until=900)
     assert run.slip_m < HELD_M
     assert run.load <= 1.0 + 1e-9
@@ -120,7 +120,7 @@ def test_a_stream_that_ends_in_motion_is_braked_for_within_friction() -> None:
     assert run.poses[-1, 0] > motion(0.89)[0] * WAY[0], "it brakes behind the last sample"
 
 
-def test_what_has_been_run_through_is_forgotten_and_nothing_else() -> None:
+def test_passed_samples_are_dropped() -> None:
     stream = record(new(STREAM), STREAM)
     for time, points in ((0.5, 6), (1.0, 5), (2.5, 4), (9.0, 2)):
         stream.count, stream.fresh = 6, 4
@@ -135,7 +135,7 @@ def test_what_has_been_run_through_is_forgotten_and_nothing_else() -> None:
         assert stream.fresh == max(points - 2, 0), "the load of the last two is still unknown"
 
 
-def test_samples_that_come_too_close_are_thinned_and_the_newest_is_always_kept() -> None:
+def test_close_samples_are_thinned() -> None:
     config, stream, path = (record(new(layout), layout) for layout in (dtype_of(StreamConfig), STREAM, GOVERNOR))
     config.preview_s, config.spacing_s, stream.first_ns = 0.1, 0.009, NEVER
     spacings_ms = (*(3,) * 20, *(10,) * 100)  # more of them than there is room for
@@ -163,7 +163,7 @@ def test_samples_that_come_too_close_are_thinned_and_the_newest_is_always_kept()
     assert (path.time, path.rate) == (-config.preview_s, 0.0)
 
 
-def test_what_comes_before_the_last_sample_may_be_as_fast_as_friction_brakes() -> None:
+def test_stream_bound_admits_braking() -> None:
     """A point mass: over the way D, K falls by 2 D F / m."""
     stream, F, mass, spacing_s = record(new(STREAM), STREAM), 1.5, 0.5, 0.1
     stream.count = stream.fresh = 5
@@ -179,7 +179,7 @@ def test_what_comes_before_the_last_sample_may_be_as_fast_as_friction_brakes() -
     np.testing.assert_allclose(K, expected, rtol=1e-6)
 
 
-def test_the_bound_of_a_stream_is_straight_between_its_points_and_zero_behind_the_last() -> None:
+def test_stream_bound_is_piecewise_linear() -> None:
     stream = record(new(STREAM), STREAM)
     stream.count = 3
     for i, (time, K) in enumerate(((0.0, 4.0), (1.0, 2.0), (3.0, 1.0))):
@@ -196,14 +196,14 @@ def test_the_bound_of_a_stream_is_straight_between_its_points_and_zero_behind_th
         assert stream_bound(stream, time) == pytest.approx((bound, slope)), time
 
 
-def test_what_waits_of_a_stream_is_what_has_not_been_run_through() -> None:
+def test_waiting_stream_time() -> None:
     stream = record(new(STREAM), STREAM)
     assert waiting(stream, -5.0) == 0.0, "nothing has come yet"
     stream.count, stream.points[0].time, stream.points[1].time = 2, 1.0, 3.0
     assert [waiting(stream, time) for time in (1.5, 3.0, 4.0)] == [1.5, 0.0, 0.0]
 
 
-def test_a_sample_without_a_stamp_has_that_of_the_cycle() -> None:
+def test_unstamped_sample_uses_cycle_stamp() -> None:
     config, stream, path = (record(new(layout), layout) for layout in (dtype_of(StreamConfig), STREAM, GOVERNOR))
     config.preview_s, config.spacing_s, stream.first_ns = 0.1, 0.009, NEVER
     for ms in (0, 20, 50):
@@ -212,7 +212,7 @@ def test_a_sample_without_a_stamp_has_that_of_the_cycle() -> None:
     assert [stream.points[i].time for i in range(stream.count)] == pytest.approx([-0.1, 0.0, 0.02, 0.05])
 
 
-def test_a_stream_that_has_been_run_through_begins_again_where_it_ended() -> None:
+def test_ended_stream_restarts_where_it_ended() -> None:
     config, stream, path = (record(new(layout), layout) for layout in (dtype_of(StreamConfig), STREAM, GOVERNOR))
     config.preview_s, config.spacing_s, stream.first_ns = 0.1, 0.009, NEVER
 
@@ -245,7 +245,7 @@ def numbers(reference: Reference) -> np.ndarray:
     return np.concatenate([np.ravel(found[name]) for name in ("position", "rotation", "twist", "acceleration")])
 
 
-def test_between_its_samples_a_stream_moves_as_its_rates_say_and_meets_them_at_each() -> None:
+def test_stream_interpolation_is_consistent() -> None:
     rng, stream = np.random.default_rng(5), record(new(STREAM), STREAM)
     times, R, samples = (0.0, 0.3, 0.5, 1.1), np.eye(3), []
     for i, time in enumerate(times):
@@ -269,7 +269,7 @@ def test_between_its_samples_a_stream_moves_as_its_rates_say_and_meets_them_at_e
         np.testing.assert_allclose(rates, now[12:], rtol=1e-5, atol=1e-4)
 
 
-def test_what_does_not_say_how_it_moves_is_refused() -> None:
+def test_reference_without_rates_is_refused() -> None:
     xyz = SimpleNamespace(x=0.0, y=0.0, z=0.0)
     pose = SimpleNamespace(translation=xyz, rotation=SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0))
     point = SimpleNamespace(transforms=[pose], velocities=[], accelerations=[])
@@ -281,7 +281,7 @@ def test_what_does_not_say_how_it_moves_is_refused() -> None:
     assert streamed_reference(SimpleNamespace(points=[point], header=header)).stamp_ns == 10**9 + 5
 
 
-def test_runs_with_references_by_topic_replay_to_the_last_bit(tmp_path) -> None:
+def test_stream_runs_replay_identically(tmp_path) -> None:
     for controller in ("governed", "vic"):
         loaded = load_scenario("paper_planar", law=controller, assignments=(TOPIC, "bridge.duration_s=0.2"))
         given = {}
