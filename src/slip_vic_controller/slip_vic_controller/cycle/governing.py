@@ -52,7 +52,7 @@ from slip_vic_controller.state import ArmState, ControllerConfig, CycleOutputs, 
 UNLIMITED = 1e3
 """A speed along the path that limits nothing."""
 CATCH_UP = 1.5
-"""How much faster than it came a stream may be run through where the timing is free."""
+"""How much faster than received a stream may be followed where the timing is free."""
 
 
 @part
@@ -101,14 +101,14 @@ def load_of_motion(config: ControllerConfig, state: ArmState, gains: LawGains, a
 
 @part
 def begin_pad(config: ControllerConfig, state: ArmState, arm: Arm, gains: LawGains) -> None:
-    """Begin with a pad: its load is that of the object at rest."""
+    """Initialise a pad: its load is that of the object at rest."""
     grip, weighed = state.grip.actual / config.grip.nominal, state.tare.mass_share != 0.0
     governor.start_pad(config.governor, state.pad, load_at_rest(config, state, gains, arm), bool(weighed), grip)
 
 
 @part
 def begin_governing(config: ControllerConfig, task: TaskState, state: ArmState) -> None:
-    """Begin the object's path with what is known of the first pad."""
+    """Begin the object's path with the friction and grip of the first pad."""
     governor.start_governor(config.governor, task.governor, state.pad)
 
 
@@ -116,10 +116,10 @@ def begin_governing(config: ControllerConfig, task: TaskState, state: ArmState) 
 def forget_friction(
     config: ControllerConfig, task: TaskState, state: ArmState, arm: Arm, gains: LawGains, lead: bool
 ) -> None:
-    """Count with the configured friction of a pad again, and plan the path anew from where it is.
+    """Reset a pad's friction to its configured value and replan from the current position.
 
-    What pushes a held object makes it slip at a load that friction carries, and that is learnt. lead: whether it is
-    the first pad.
+    A push makes a held object slip at a load that friction carries, and that load is learnt. lead: whether it is the
+    first pad.
     """
     begin_pad(config, state, arm, gains)
     if lead:
@@ -140,8 +140,8 @@ def rest_on_path(config: ControllerConfig, task: TaskState, arm: Arm) -> None:
 def rest_after_hold(config: ControllerConfig, task: TaskState, arm: Arm) -> None:
     """Rest where the first pad is after a HOLD, until a reference comes; a goal is continued unless it is given up.
 
-    It is given up after a reset, and where the law could not be evaluated on the way: whatever the goal was, the arm
-    can be enabled again.
+    It is given up after a reset, and where the law could not be evaluated on the way, so that the arm can be enabled
+    again whatever the goal was.
     """
     here = Reference(vec(arm.position), mat(arm.rotation), Spatial(ZERO, ZERO), Spatial(ZERO, ZERO))
     if task.reference_known != 0:
@@ -168,7 +168,7 @@ def along_path(config: ControllerConfig, task: TaskState, planned: Reference, ti
 
 @part
 def squeeze(config: ControllerConfig, task: TaskState, state: ArmState, dt: float) -> None:
-    """Let the grip of a pad follow the path that is planned, and what the law and the wrench show of it now."""
+    """Let the grip of a pad follow the load of the planned path, and the commanded and measured load of now."""
     pad = state.pad
     load = max(pad.commanded, pad.measured)
     if task.governor.planned == 1:
@@ -180,7 +180,7 @@ def squeeze(config: ControllerConfig, task: TaskState, state: ArmState, dt: floa
 
 @part
 def take_governed_goal(config: ControllerConfig, task: TaskState) -> bool:
-    """Begin the goal that waits, once the pad is at rest; return whether there is a path to run through."""
+    """Begin the goal that waits, once the pad is at rest; return whether there is a path to follow."""
     path, goal = task.governor, task.goal
     if goal.pending != 0:
         if goal.phase == GoalPhase.RESTS or (path.rate == 0.0 and path.out_rate == 0.0):
@@ -194,7 +194,7 @@ def take_governed_goal(config: ControllerConfig, task: TaskState) -> bool:
 
 @part
 def judge_governed_goal(config: ControllerConfig, task: TaskState) -> None:
-    """Refuse a goal that friction cannot carry the object to, and say when one is reached."""
+    """Refuse a goal whose path is too heavy for friction, and mark the one that is reached."""
     path, goal = task.governor, task.goal
     if goal.phase == GoalPhase.PLANS and path.planned != 0:
         goal.phase = GoalPhase.MOVES.value
@@ -209,7 +209,7 @@ def judge_governed_goal(config: ControllerConfig, task: TaskState) -> None:
 
 @part
 def goal_progress(config: ControllerConfig, task: TaskState, state: ArmState) -> float:
-    """Return which share of the time of its path a goal has behind it."""
+    """Return which share of the time of its path has passed."""
     goal = task.goal
     if goal.phase == GoalPhase.REACHED:
         return 1.0
@@ -265,7 +265,7 @@ def follow_stream(
     path_speed: float,
     dt: float,
 ) -> None:
-    """Do a governed stream's cycle: what has been received, how fast it may be run through, and the step on it."""
+    """Take the samples of a governed stream, find how fast it may be followed, and take the step on it."""
     path, stream, limits_of = task.governor, task.stream, config.governor
     governor.allow(limits_of, path)
     if take_queued(config.stream, stream, path, now_ns):
@@ -315,8 +315,8 @@ def scaled_slip(config: GovernorConfig, twist: Array) -> Spatial:
 
 
 @part
-def feel_pad(config: ControllerConfig, task: TaskState, state: ArmState, outputs: CycleOutputs, dt: float) -> None:
-    """Take what a cycle shows of load and slip at one pad, and let its grip follow; dt: since the cycle before [s]."""
+def record_pad(config: ControllerConfig, task: TaskState, state: ArmState, outputs: CycleOutputs, dt: float) -> None:
+    """Record load and slip of one pad, and let its grip follow; dt: since the cycle before [s]."""
     if config.grip.follow != 0:
         squeeze(config, task, state, dt)
     pad, stamp_ns = state.pad, state.joint.answers.stamp_ns
@@ -335,7 +335,7 @@ def feel_pad(config: ControllerConfig, task: TaskState, state: ArmState, outputs
 
 @part
 def agree_on_friction(config: ControllerConfig, task: TaskState, states: Records[ArmState]) -> None:
-    """Let the path count with the weakest pad, and every pad know when one of them slips; config: of the first arm."""
+    """Use the friction of the weakest pad for the path, and share slip among all pads; config: of the first arm."""
     path, n = task.governor, len(states)
     path.estimate, path.grip = states[0].pad.estimate, states[0].pad.grip
     if n == 1:
@@ -362,7 +362,7 @@ def step_on_path(
     Args:
         config, arm, outputs: CONFIG, ARM and OUTPUTS of the first arm.
         task, states: TASK_STATE, ARM_STATE of every arm.
-        path_speed: how fast the path may be run through for other reasons; 1 = not limited, 0 = come to rest.
+        path_speed: how fast the path may be followed for other reasons; 1 = not limited, 0 = come to rest.
     """
     first, path = states[0], task.governor
     dt = (first.joint.answers.stamp_ns - first.law.stamp_ns) * 1e-9

@@ -14,7 +14,7 @@ from slip_vic_controller.contact.layouts import Observer
 from slip_vic_controller.contact.observer import observe
 from slip_vic_controller.cycle.agreeing import at_work, hold_with_the_others
 from slip_vic_controller.cycle.gains import adapt_slip_gain, gains_now, limit_internal_gain
-from slip_vic_controller.cycle.governing import feel_pad, load_of_motion
+from slip_vic_controller.cycle.governing import load_of_motion, record_pad
 from slip_vic_controller.cycle.holding import hold, hold_without_law
 from slip_vic_controller.cycle.wrench import own_wrench
 from slip_vic_controller.governor.friction_estimate import asks_for_more
@@ -130,7 +130,7 @@ def sense(
         for k in range(config.law.contacts):
             samples[k].slip_twist[:] = 0.0
     if config.governor.mode != Governing.OFF:
-        feel_pad(config, task, state, outputs, (sample.stamp_ns - law.stamp_ns) * 1e-9)
+        record_pad(config, task, state, outputs, (sample.stamp_ns - law.stamp_ns) * 1e-9)
     return Cause.NONE.value
 
 

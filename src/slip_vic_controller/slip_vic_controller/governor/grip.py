@@ -2,8 +2,8 @@
 
     N_des = max over the preview of |l(a_d)| / (margin mu),   mu = F^ / N_told
 
-A gripper is slow, so what is needed is looked for ahead of time on the path that is planned, and the command changes no
-faster than the gripper is configured to. The gripper is not measured: a lag of first order stands for it, and F^
+A gripper is slow, so the load is previewed on the planned path, and the command changes no faster than the configured
+rate. The gripper is not measured: a lag of first order stands for it, and F^
 grows and shrinks with that.
 """
 

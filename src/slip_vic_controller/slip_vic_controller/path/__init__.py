@@ -1,1 +1,1 @@
-"""Where the pad should be: built-in paths, and the speed at which they are run through."""
+"""Where the pad should be: built-in paths, goals, streams and joint paths, and the speed along them."""

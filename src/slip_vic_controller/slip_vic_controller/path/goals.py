@@ -1,8 +1,8 @@
 """Goals by users: a pose and a duration become a quintic from where the reference is.
 
-Under the governor the pad first comes to rest on the path that it is on, as friction admits, and the new one is planned
-from there: whatever comes, there is always a motion that friction carries. Without it the quintic begins with the
-velocity and acceleration that the reference has.
+Under the governor the pad first comes to rest on its path, as friction admits, and the new path is planned from there,
+so there is always a motion that friction carries. Without a governor the quintic begins with the velocity and
+acceleration of the reference.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from slip_vic_controller.path.paths import HOLD, POLYNOMIALS, Path, Reference, r
 
 @unique
 class GoalPhase(IntEnum):
-    """What becomes of the goal that was taken last."""
+    """State of the goal that was taken last."""
 
     RESTS = 0
     STOPS = 1
@@ -50,8 +50,8 @@ class GoalsConfig(Record):
 class Goal(Record):
     """The newest goal, and the motion towards the one under way; {w}."""
 
-    received: Whole  # how many have come, and the number of the newest
-    pending: Whole  # whether it waits
+    received: Whole  # number of goals received, and of the newest
+    pending: Whole  # whether it waits to begin
     number: Whole  # of the one under way
     phase: Whole  # its GoalPhase
     refused: Whole  # number of the last that was refused
@@ -59,7 +59,7 @@ class Goal(Record):
     where: Real  # s; on its path
     value: Real
     limit: Real
-    to_position: Vec3  # m; what the newest requires
+    to_position: Vec3  # m; of the newest goal
     to_rotation: Mat3
     duration: Real  # s
     position: Vec3  # m; where the motion begins
@@ -70,9 +70,9 @@ class Goal(Record):
 GOAL = dtype_of(Goal)
 
 FARTHEST = 10.0
-"""[m] Way to a goal that no arm has; farther ones are errors of a unit or a frame."""
+"""Distance to a goal beyond the reach of any arm: an error of a unit or a frame [m]."""
 PEAK = 1.875
-"""Largest speed of a quintic from rest to rest, over way / duration."""
+"""Largest speed of a quintic from rest to rest, over distance / duration."""
 
 
 @part

@@ -20,9 +20,9 @@ POSE_COLUMNS = ("x", "y", "z", "qx", "qy", "qz", "qw")
 LEAST_POINTS = 2
 DEGREE = 5
 START_M, START_RAD = 0.01, 0.05
-"""So far from the pad may a trajectory begin: without a governor the reference jumps there."""
+"""Largest distance from the pad at which a trajectory may begin: without a governor the reference jumps there."""
 CHECKED = 1000
-"""Places of a trajectory where the speed of the joints is looked at."""
+"""Number of places of a trajectory at which joint speeds are checked."""
 
 
 class PadMotion(NamedTuple):

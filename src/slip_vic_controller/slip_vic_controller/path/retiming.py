@@ -1,7 +1,7 @@
 """The governor without an arm: the timing of a path that friction admits, computed ahead.
 
-The same planning and the same step as in the control cycle, on a pad that follows the path exactly and feels no
-feedback. The path comes from outside, point by point: its attitude, twist and acceleration over its own time.
+The same plan and step as in the control cycle, for a pad that follows the path exactly, without feedback. The caller
+samples the path: attitude, twist and acceleration over its own time.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""A reference that comes by topic, governed: it is followed a little later, and more slowly where friction requires it.
+"""A governed reference by topic: it is followed with a delay, and more slowly where friction requires it.
 
-What has been received and not yet run through is a path over the stream's own time, C2 between its samples (position,
-velocity and acceleration of both). Its end is not planned for: its continuation is unknown. So what is promised is
-this: the load of every cycle is within what friction may be asked, as long as what is received `preview_s` ahead can be
-braked for. A stream that ends in motion is gone on with, in a straight line, while the pad brakes.
+The samples received and not yet followed are a path over the stream's own time, C2 between samples (position, velocity
+and acceleration of both). Its continuation is unknown, so its end is not planned for. The load of every cycle stays
+within the friction limit as long as the pad can brake within what is received `preview_s` ahead. Beyond the last sample
+of a stream that ends in motion, the pad brakes along a straight line.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from slip_vic_controller.sizes import NEVER
 STREAM_POINTS: Final = 64
 QUEUED: Final = 16
 LAX_S: Final = 1.0
-"""Way behind the last sample that stands for "whatever comes": only its own load limits the speed there."""
+"""Length of path assumed after the last sample: only the load of that sample limits its speed."""
 REPLAN: Final = 1.002
-"""Change of the load that may be asked that is worth a new backward pass."""
+"""Relative change of the usable load that triggers a new backward pass."""
 
 
 class StreamConfig(Record):
@@ -44,14 +44,14 @@ class StreamConfig(Record):
 
 
 class QueuedReference(Record):
-    """A reference as it came."""
+    """A reference as received."""
 
     stamp_ns: Whole  # 0 where it has none
     reference: DesiredMotion
 
 
 class Stream(Record):
-    """What has been received and not yet run through."""
+    """Samples received and not yet followed."""
 
     queued: Whole
     queue: Annotated[Records[QueuedReference], QUEUED]  # since the last cycle
@@ -69,7 +69,7 @@ STREAM = dtype_of(Stream)
 
 @part
 def rest_stream(stream: Stream, position: Vec, rotation: Mat) -> None:
-    """Forget what was received, and rest at a pose [m] {w}."""
+    """Discard all samples, and rest at a pose [m] {w}."""
     nothing = Spatial(Vec(0.0, 0.0, 0.0), Vec(0.0, 0.0, 0.0))
     put_reference(stream.rests, Reference(position, rotation, nothing, nothing))
     stream.count, stream.fresh, stream.first_ns = 0, 0, NEVER
@@ -77,10 +77,10 @@ def rest_stream(stream: Stream, position: Vec, rotation: Mat) -> None:
 
 @part
 def take_queued(config: StreamConfig, stream: Stream, state: Governor, now_ns: int) -> bool:
-    """Add what has come since the last cycle to the path, and return whether a new one begins.
+    """Add the samples received since the last cycle to the path; return whether a new path begins.
 
-    A sample without a stamp has that of the cycle.
-    Where the pad rests with nothing to follow, the way to the first sample takes `preview_s` of the stream's time.
+    A sample without a stamp has that of the cycle. Where the pad rests with nothing to follow, it reaches the first
+    sample after `preview_s` of the stream's time.
 
     Args:
         config, stream: limits of the stream, and its state.
@@ -121,7 +121,7 @@ def take_queued(config: StreamConfig, stream: Stream, state: Governor, now_ns: i
 
 @part
 def drop_passed(stream: Stream, time: float) -> None:
-    """Forget what has been run through."""
+    """Drop the samples that have been followed."""
     while stream.count > 2 and stream.points[1].time <= time:
         for i in range(stream.count - 1):
             stream.samples[i] = stream.samples[i + 1]
@@ -165,7 +165,7 @@ def plan_stream(
 
 @part
 def stream_bound(stream: Stream, time: float) -> tuple[float, float]:
-    """Return K and its slope at a time of the stream; behind its end the pad shall stop."""
+    """Return K and its slope at a time of the stream; beyond its end the pad must stop."""
     n = stream.count
     if time >= stream.points[n - 1].time:
         return 0.0, 0.0
@@ -224,5 +224,5 @@ def between(h: float, t: float, v0: Vec, a0: Vec, p1: Vec, v1: Vec, a1: Vec) -> 
 
 @part
 def waiting(stream: Stream, time: float) -> float:
-    """Return how much of the stream has been received and not yet run through [s]."""
+    """Return how much of the stream has been received and not yet followed [s]."""
     return max(stream.points[stream.count - 1].time - time, 0.0) if stream.count > 0 else 0.0
