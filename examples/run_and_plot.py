@@ -1,6 +1,6 @@
 """python examples/run_and_plot.py [SCENARIO] [FOLDER]
 
-Three laws on one task: how much the object slips, a picture and the page with the 3D replay of each.
+Three laws on one task: how much the object slips, and the page with the 3D replay of each.
 """
 
 import sys
@@ -16,5 +16,4 @@ for law in ("classical", "vic", "governed"):
     run = slip_vic.load(scenario, law=law, set=["bridge.duration_s=2.5"]).run()
     slip = f"slip {run.slip_mm:.2f} mm, {run.slip_deg:.2f} deg"
     print(f"{law:10} {run.outcome}: {slip}; arrives after {run.arrival_s:.2f} s")
-    run.plot(folder / f"{law}.png")
     print("           ", run.page(folder / f"{law}.html"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import importlib.util
 from collections.abc import Iterable
 
 
@@ -55,6 +56,24 @@ class UnknownName(InputError):
         place = f"{where}: " if where else ""
         line = f"{place}unknown {kind} '{_short(name)}'; {expected}"
         self.args = (" ".join(f"{line} {fix}".split()),)
+
+
+def require_extra(package: str, what: str, extra: str) -> None:
+    """Check that an optional package is installed.
+
+    Args:
+        package: its import name.
+        what: the command or option that needs it.
+        extra: the extra of slip-vic that installs it.
+
+    Raises:
+        InputError: it is not installed.
+    """
+    if importlib.util.find_spec(package) is None:
+        fix = f"pip install 'slip-vic[{extra}]'"
+        error = InputError(what, got=f"no package {package}", expected="an optional package", fix=fix)
+        error.args = (f"{what} needs {package}: {fix}",)
+        raise error
 
 
 class ProtocolError(SlipVicError):

@@ -69,7 +69,6 @@ _TABLE = (
     Topic("controller/reference_twist", "geometry_msgs/msg/TwistStamped", "controller", "desired twist of the pad centre in `world`"),
     Topic("controller/joint_estimate", "sensor_msgs/msg/JointState", "controller", "where `joint_sensor` is configured as noisy: estimated position [rad], velocity [rad/s] and disturbance [N m] of each joint"),
     Topic("controller/ledger", "std_msgs/msg/Int64MultiArray", "controller", "per cycle: number, stamps of the samples used; then the controller's clock, mode, faults of the inputs, request"),
-    Topic("controller/state", "std_msgs/msg/String", "controller", "once a second: the controller's whole state after the cycle just answered, as text; a replay can begin there", depth=100),
     Topic("controller/timing", "sensor_msgs/msg/JointState", "controller", "real time only, per cycle: period, ages, compute time, latency [s]; overruns, missed, stale"),
     Topic("bridge/timing", "sensor_msgs/msg/JointState", "bridge", "real time only, per tick: period, lateness, state-to-command latency [s]; fresh share, overruns, real-time factor", common=True),
     Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "controller", "status and reason of the law and of the mode, in real time also of the timing, about once a second", depth=100, common=True),

@@ -5,7 +5,6 @@
     run = slip_vic.load("paper_planar", law="governed", sensor="vision_60", seed=3, set=["object.mass=0.6"]).run()
     print(run.slip_mm, run.outcome)
     run.frame()                 # pandas: a row per tick, every symbol of the law
-    run.plot()                  # matplotlib
     run.page("out/run.html")    # 3D replay and linked plots, one file
 
 Works without ROS. Names are loaded when they are first used.

@@ -200,8 +200,6 @@ class SlipVicController(GuardedNode, LifecycleNode):
 
     def _destroy_endpoints(self) -> None:
         self._peers, self._ready = None, False
-        for arm in self._arms:
-            arm.close()
         self._arms, self._task = (), None
         for destroy, item in self._endpoints:
             destroy(item)

@@ -4,25 +4,20 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
-from slip_core.arrays import Array
 from slip_msgs_py.fast_io import Sender, create_sender
 from slip_msgs_py.messages import forms, to_msgs
 from slip_msgs_py.node_shell import OnceEvery
 from slip_msgs_py.qos import create_publisher
 from slip_vic_controller.law.symbols import AXES
 from slip_vic_controller.params.node_params import ControllerNodeParams
-from slip_vic_controller.session.arm_session import ArmSession
 from slip_vic_controller.session.cycle_result import CycleResult
-from slip_vic_controller.session.snapshot import to_text
 from slip_vic_controller.timing import SCALARS, CycleTiming
 
-STATE_PERIOD_S = 1.0
 DIAGNOSTICS_PERIOD_NS = 1_000_000_000
-LAW_PHASE, MODE_PHASE, TIMING_PHASE, STATE_PHASE = 0.0, 0.25, 0.5, 0.75
-"""When in a second what is published; of the state, in a second of cycles."""
+LAW_PHASE, MODE_PHASE, TIMING_PHASE = 0.0, 0.25, 0.5
+"""When in a second each status is published."""
 OK, WARN, ERROR = 0, 1, 2
 
 
@@ -149,37 +144,3 @@ class TimingPublisher:
         if self._each_second.due(wall_ns):
             level, text, values = self._timing.status()
             self._status.publish(wall_ns, f"{self._name}: timing", level, text, values)
-
-
-class StatePublisher:
-    """Publishes the controller's state once a second, so that a replay can begin in the middle of a bag.
-
-    Args:
-        node: owner of the publisher.
-        period_s: control period.
-        in_background: whether another thread writes the text: a snapshot is a copy, so the next cycle need not wait.
-    """
-
-    def __init__(self, node: Any, period_s: float, *, in_background: bool) -> None:
-        self.publisher = create_publisher(node, "controller/state")
-        self._every = max(1, round(STATE_PERIOD_S / period_s))
-        self._ahead = round((1.0 - STATE_PHASE) * self._every)
-        self._worker = ThreadPoolExecutor(1, thread_name_prefix="state") if in_background else None
-
-    def publish(self, arm: ArmSession) -> None:
-        """Publish after every so many cycles."""
-        if (arm.cycles + self._ahead) % self._every:
-            return
-        state = arm.snapshot()
-        if self._worker is None:
-            self._send(state)
-        else:
-            self._worker.submit(self._send, state)
-
-    def close(self) -> None:
-        """Wait for a text that is being written."""
-        if self._worker is not None:
-            self._worker.shutdown(wait=True)
-
-    def _send(self, state: Array) -> None:
-        self.publisher.publish(to_msgs.string(to_text(state)))

@@ -15,7 +15,6 @@ run = slip_vic.load("paper_planar", law="vic", sensor="vision_60", set=["bridge.
 assert run.outcome == "ok", run
 assert len(run.frame()) == 50
 run.page(sys.argv[1] + "/run.html")
-run.plot(sys.argv[1] + "/run.png")
 print(len(slip_vic.read_bag("bags/paper_planar_vic", "/slip_truth")))
 """
 COMMANDS = """

@@ -12,7 +12,6 @@ import pytest
 from click.testing import CliRunner
 
 from slip_bags.reader import Bag
-from slip_core.errors import InputError
 from slip_vic.cli import bag as bag_command
 from slip_vic.replay.run_data import read_run
 from slip_vic.replay.verify import other_software, verify_run
@@ -102,9 +101,3 @@ def test_other_software_is_named():
     assert other_software({"cpu": "abacus", "versions": '{"numpy": "0.1"}'})[0].startswith("recorded with cpu abacus")
     assert any("numpy 0.1" in note for note in other_software({"versions": '{"numpy": "0.1"}'}))
     assert other_software({"versions": "["}) == []
-
-
-def test_from_beyond_the_last_state_is_one_clear_line() -> None:
-    result = CliRunner().invoke(bag_command, ["verify", str(BAGS / "paper_planar_vic"), "--from", "100"])
-    assert isinstance(result.exception, InputError)
-    assert "a state to begin with" in str(result.exception)

@@ -37,7 +37,7 @@ EXAMPLES = (
     "--speed",
 )
 # Real time, files of the repository, an encoder that the lock file does not hold.
-NEEDS_MORE = ("--mode realtime", "--out docs", "--video")
+NEEDS_MORE = ("--mode realtime", "--out docs")
 # What a page takes as given before its first command: bags of runs.
 BAGS = Path(__file__).parents[3] / "bags"
 GIVEN = {

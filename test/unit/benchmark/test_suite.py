@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import pytest
 from click.testing import CliRunner
 from rich.console import Console
@@ -101,7 +100,6 @@ def test_a_result_goes_on_is_verified_and_compared(tmp_path: Path, two_worlds: N
     assert str(tmp_path / "compare.png") in line
     shown = json.loads((tmp_path / "compare.json").read_text())["laws"]
     assert [(one["law"], one["worlds"], one["peak [N]"]) for one in shown] == [("classical", "2", "0.5")]
-    assert list(pd.read_parquet(tmp_path / "compare.parquet")["squeeze_peak_n"]) == [0.5, 0.5]
 
     study = folder / "study.csv"
     row = result.read_rows(study, result.LAYOUT)[1]

@@ -3,25 +3,12 @@
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from slip_bags.reader import Bag
 from slip_bags.writer import BagWriter
-from slip_vic.run.picture import write_report
-from slip_vic.run.series import read_series, rotation_angle_about
+from slip_vic.run.series import read_series
 
 RECORDED = Path(__file__).parents[3] / "bags" / "paper_planar_vic"
-
-
-def about_z(angle: float) -> np.ndarray:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-
-
-def test_an_angle_goes_on_beyond_a_turn_and_starts_at_zero() -> None:
-    angles = np.linspace(1.0, 9.0, 60)
-    seen = rotation_angle_about(np.array([about_z(angle) for angle in angles]), np.array([0.0, 0.0, 1.0]))
-    assert seen == pytest.approx(angles - 1.0, abs=1e-12)
 
 
 def test_messages_that_a_recorder_missed_leave_series_of_one_length(tmp_path: Path) -> None:
@@ -42,5 +29,3 @@ def test_messages_that_a_recorder_missed_leave_series_of_one_length(tmp_path: Pa
     assert np.array_equal(cut.time, whole.time[kept])
     assert np.array_equal(cut.slip_displacement, whole.slip_displacement[kept])
     assert np.array_equal(cut.grasp_position, whole.grasp_position[kept])
-    write_report(tmp_path / "report.png", "cut", {"vic": cut})
-    assert (tmp_path / "report.png").stat().st_size > 50_000

@@ -19,7 +19,7 @@ from slip_vic.study.contents import Contents
 from slip_vic.study.table import METRICS, STUDY, CaseResult, Row
 from slip_vic.study.tune.space import Bounds, Range, cost, score, search_space
 
-pytest.importorskip("optuna", reason="this environment is older than requirements.lock")
+pytest.importorskip("optuna", reason="the extra `tune`")
 
 from slip_vic.study.tune.command import check_time
 from slip_vic.study.tune.page import Found, page

@@ -2,9 +2,7 @@
 
 import base64
 import gzip
-import importlib.util
 import re
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +18,6 @@ from slip_vic.page.page import make_page, write_page
 from slip_vic.page.plots import plot_series
 from slip_vic.page.runs import colours, grid, load_ratio, object_size, read_run, thinned
 from slip_vic.page.urdf import links_of
-from slip_vic.page.video import write_video
 from slip_vic.run.metrics import summarise
 from slip_vic.run.series import read_series
 from test.support.two_arms import two_arms
@@ -48,7 +45,7 @@ def test_scripts_are_found_with_their_licences() -> None:
 
 
 def test_a_wheel_without_the_script_is_one_line(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(scripts, "_folder", lambda _: tmp_path)
+    monkeypatch.setattr(scripts, "_VIEWER", ("trimesh", tmp_path / "viewer.zip", "viewer.html.template"))
     with pytest.raises(InputError, match=r"script in package trimesh.*requirements\.lock"):
         scripts.three()
 
@@ -154,13 +151,6 @@ def test_a_law_has_its_own_colour_and_a_sentence_at_the_top() -> None:
     assert colours(["a", "b", "c"]) == [0, 1, 2]
     text, _ = make_page({"vic": BAGS / "paper_planar_vic"}, command="")
     assert re.search(r'<p id="laws"><b>vic</b>: the paper\'s law', text[: text.index("<main>")])
-
-
-def test_video_without_ffmpeg_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(shutil, "which", lambda _: None)
-    monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
-    with pytest.raises(InputError, match=r"--video: got no ffmpeg.*imageio-ffmpeg"):
-        write_video(Path("x.mp4"), {"vic": BAGS / "paper_planar_vic"})
 
 
 @pytest.mark.parametrize(("bag", "words"), [("no_such_bag", "no_such_bag"), ("folder", "metadata.yaml")])

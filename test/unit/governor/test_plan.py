@@ -95,7 +95,7 @@ def conic_bound(cp, G, first):
 
 
 def test_bound_matches_conic_solver() -> None:
-    cp = pytest.importorskip("cvxpy", reason="a referee of requirements.lock")
+    cp = pytest.importorskip("cvxpy", reason="a referee of requirements-test.lock")
     rng = np.random.default_rng(SEED)
     for case, path in (
         (PAPER, BentPath(PAPER.way, PAPER.duration)), (VERTICAL, BentPath(VERTICAL.way, VERTICAL.duration)),

@@ -29,21 +29,20 @@ LIBRARIES = {
     "mujoco": ("mujoco", "python3-mujoco-pip"),
     "numba": ("numba", "python3-numba"),
     "numpy": ("numpy", "python3-numpy"),
-    "optuna": ("optuna", None),
     "pandas": ("pandas", "python3-pandas"),
     "pinocchio": ("pin", "pinocchio"),
     "psutil": ("psutil", "python3-psutil"),
-    "pyarrow": ("pyarrow", None),
     "pydantic": ("pydantic", "python3-pydantic"),
     "rich": ("rich", "python3-rich"),
     "scipy": ("scipy", "python3-scipy"),
     "trimesh": ("trimesh", "python3-trimesh-pip"),
-    "uplot": ("uplot-python", None),
     "websockets": ("websockets", "python3-websockets"),
     "xacro": ("xacro", "xacro"),
     "yaml": ("pyyaml", "python3-yaml"),
     "zstandard": ("zstandard", None),
 }
+# Of an extra alone: the command that needs one of these says how to install it.
+EXTRAS = {"optuna"}
 # Keys that rosdep resolves on Ubuntu 24.04: rosdep/*.yaml and jazzy/distribution.yaml of github.com/ros/rosdistro at
 # 8468e88ccd523427f9131e39d2af0938f1c298b2 (2026-08-22). Look a key up there before adding it.
 ROSDEP = {
@@ -59,11 +58,10 @@ JAZZY = {
 }  # fmt: skip
 MAINTAINER = ("slip-vic maintainers", "maintainers@slip-vic.example")
 AUTHOR = "slip-vic contributors"
-# What a package loads without an import statement: message classes by name, the Parquet engine of pandas, the script
-# inside of a wheel, the URDF that scenarios name by package://.
+# What a package loads without an import statement: message classes by name, the URDF that scenarios name by package://.
 UNSEEN = {
     "slip_msgs_py": {row.type.partition("/")[0] for row in TOPICS.values()},
-    "slip_vic": {"uplot", "slip_description", "pyarrow"},
+    "slip_vic": {"slip_description"},
     "slip_description": {"joint_state_publisher_gui", "robot_state_publisher", "rviz2"},
 }
 
@@ -82,7 +80,7 @@ def imported(text: str) -> set[str]:
 def needed(name: str) -> set[str]:
     texts = [path.read_text() for path in (SRC / name / name).rglob("*.py")]
     texts += [path.read_text() for path in (SRC / name / "launch").glob("*.launch.py")]
-    return set().union(UNSEEN.get(name, set()), *map(imported, texts)) - {name}
+    return set().union(UNSEEN.get(name, set()), *map(imported, texts)) - {name} - EXTRAS
 
 
 def wheels(imports: set[str]) -> set[str]:

@@ -4,17 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from slip_core.errors import InputError
 from slip_core.params import build, flatten
-from slip_core.records import new, place, record
 from slip_core.types import JointSample
 from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.safety.modes import Request
-from slip_vic_controller.session.snapshot import LAYOUT, cycle_of, from_text, number_name, to_text
-from slip_vic_controller.state import ARM_SIZE, ARM_STATE, TASK_SIZE, TASK_STATE
 from test.support.made_up import LOAD, POSITION, SLIP, MadeUp, N
 
 KINDS = (
@@ -54,52 +49,13 @@ def test_a_session_goes_on_from_the_bytes_of_any_cycle() -> None:
         for first in (0, 1, 14, 31, 43, 45, 75, 95):
             other = MadeUp(**kind)
             state, other.stamp_ns, other.now_ns, other.tick = snapshots[first]
-            other.session.restore(from_text(to_text(state)))
+            other.session.restore(state)
             for k in range(first, min(CYCLES, first + 25)):
                 if k == 15:
                     other.session.retune(build(ControllerParams, values, "test"))
                 assert disturbed_cycle(other, k) == results[k], (kind, first, k)
 
 
-def test_text_says_its_cycle_and_its_software() -> None:
-    made_up = MadeUp()
-    made_up.run(7)
-    text = to_text(made_up.session.snapshot())
-    assert cycle_of(text) == 7
-    assert from_text(text).tobytes() == made_up.session.snapshot().tobytes()
-    other = text.replace(LAYOUT, "0123456789abcdef")
-    assert cycle_of(other) is None
-    with pytest.raises(InputError, match="a state of this software"):
-        from_text(other)
-
-
 def test_a_state_of_another_size_is_refused() -> None:
     with pytest.raises(InputError, match="controller state"):
         MadeUp().session.restore(MadeUp(slip_estimator="observer", gains__k_s=100.0).session.snapshot())
-
-
-@given(st.integers(0, 10**6), st.binary(max_size=4), st.integers(0, 4))
-def test_damaged_texts_are_refused_or_of_some_size(place: int, new: bytes, removed: int) -> None:
-    data = bytearray(TEXT.encode())
-    at = place % len(data)
-    data[at : at + removed] = new
-    try:
-        state = from_text(data.decode(errors="replace"))
-    except InputError:
-        return
-    assert state.dtype == np.float64
-
-
-TEXT = to_text(MadeUp().session.snapshot())
-
-
-def test_every_number_of_a_snapshot_has_a_name_of_its_own() -> None:
-    names = [number_name(index) for index in range(TASK_SIZE + ARM_SIZE + 3)]
-    assert len(set(names)) == len(names)
-    assert names[-1] == "history[2]"
-    for layout, begin, first in ((TASK_STATE, 0, "task"), (ARM_STATE, TASK_SIZE, "arm")):
-        for name in layout.names or ():
-            assert names[begin + place(layout, name).start].startswith(f"{first}.{name}")
-    buffer = new(ARM_STATE)
-    record(buffer, ARM_STATE).law.slips[1].rotation[2, 0] = 1.0
-    assert names[TASK_SIZE + int(np.flatnonzero(buffer)[0])] == "arm.law.slips[1].rotation[6]"

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import json
 import os
 import re
 import resource
@@ -13,7 +11,6 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import lz4.frame
-import numpy as np
 import pytest
 import yaml
 import zstandard
@@ -37,7 +34,6 @@ from slip_vic.run.domain import domain_id
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic.setup.arm.write import Arm
 from slip_vic_controller.arm.robot import Robot
-from slip_vic_controller.session import snapshot
 from test.support.bag_maker import make_bag
 from test.support.every import every
 
@@ -254,16 +250,6 @@ def test_a_schema_that_grows_like_a_power_ends_with_its_message() -> None:
     text = blocks[0] + "".join(f"{rule}\nMSG: p/T{k}\n{block}" for k, block in enumerate(blocks) if k)
     with pytest.raises(InputError, match="cut"):
         Schema.from_text("p/msg/T0", text).layout(b"\x00\x01\x00\x00" + bytes(4))
-
-
-def test_a_recorded_state_gives_no_more_than_a_state_can_hold() -> None:
-    text = snapshot.to_text(np.zeros(snapshot.LARGEST // 8))
-    assert len(snapshot.from_text(text)) == snapshot.LARGEST // 8
-    bomb = base64.b64encode(zlib.compress(bytes(snapshot.LARGEST + 8))).decode()
-    cut = base64.b64encode(zlib.compress(bytes(800))[:-5]).decode()
-    for packed in (bomb, cut):
-        with pytest.raises(InputError, match="controller state"):
-            snapshot.from_text(json.dumps({"layout": snapshot.LAYOUT, "cycle": 1, "state": packed}))
 
 
 # -- folders ----------------------------------------------------------------------------------------------------------

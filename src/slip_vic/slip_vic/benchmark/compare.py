@@ -17,7 +17,6 @@ mpl.use("Agg")
 
 import matplotlib.pyplot as plt  # the backend must be chosen first: no display is needed
 import numpy as np
-import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 from rich.console import Console
@@ -27,7 +26,7 @@ from rich.text import Text
 from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_vic.benchmark.result import Result, read_result
-from slip_vic.benchmark.suite import DIGEST, LOST, METRICS, SHORT_M, SUITE
+from slip_vic.benchmark.suite import DIGEST, LOST, SHORT_M, SUITE
 from slip_vic.document import document, table
 from slip_vic.study.table import Row
 
@@ -68,7 +67,7 @@ def compare(folders: Sequence[Path], out: Path) -> tuple[list[list[str]], str]:
     laws = joined(folders)
     lines = write(laws, out)
     (out / "compare.html").write_text(page(lines, (out / "compare.png").read_bytes()), encoding="utf-8")
-    return lines, ", ".join(str(out / f"compare.{suffix}") for suffix in ("html", "png", "json", "parquet"))
+    return lines, ", ".join(str(out / f"compare.{suffix}") for suffix in ("html", "png", "json"))
 
 
 def table_for(console: Console, lines: Sequence[Sequence[str]]) -> Table:
@@ -89,14 +88,12 @@ def _table(lines: Sequence[Sequence[str]], names: Sequence[str]) -> Table:
 
 
 def write(laws: Sequence[Result], out: Path) -> list[list[str]]:
-    """Write compare.png, the table as compare.json and all rows as compare.parquet; return the table's lines."""
+    """Write compare.png and the table as compare.json; return the table's lines."""
     lines = [line for arms in (1, 2) for line in lines_of(laws, arms)]
     out.mkdir(parents=True, exist_ok=True)
     (out / "compare.png").write_bytes(png(laws))
     content = {"suite": SUITE, "digest": DIGEST, "laws": [dict(zip(HEAD, line, strict=True)) for line in lines]}
     (out / "compare.json").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-    frame = pd.concat([pd.DataFrame(law.rows).assign(law=law.label) for law in laws], ignore_index=True)
-    frame.astype(dict.fromkeys(METRICS, float)).to_parquet(out / "compare.parquet", index=False)
     return lines
 
 

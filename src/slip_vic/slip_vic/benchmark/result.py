@@ -1,4 +1,4 @@
-"""The result of a law: a folder with its rows as they come, as parquet, and what they are of as JSON."""
+"""The result of a law: a folder with its rows as they come, and what they are of as JSON."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import NamedTuple, get_args
 
 import numpy as np
-import pandas as pd
 
 from slip_core.arrays import Array
 from slip_core.errors import InputError
@@ -109,8 +108,6 @@ def run_law(
 
 def _write(out: Path, law: FoundLaw, rows: Sequence[Row]) -> None:
     settings = Settings.read(out / "study.json")
-    frame = pd.DataFrame(rows, columns=list(LAYOUT.columns)).astype(dict.fromkeys(METRICS, float))
-    frame.to_parquet(out / "rows.parquet", index=False)
     content = {
         "suite": SUITE,
         "suite_digest": settings.digests["suite"],

@@ -4,7 +4,6 @@ page.py      bags in, one HTML file out
 runs.py      what the page shows of a bag: poses, series, paths, on one grid of times
 urdf.py      the arm as links, joints and shapes
 plots.py     which series stand in which plot
-video.py     the same as MP4, drawn by MuJoCo
 packing.py   numbers and text as one compressed block
 scripts.py   where three.js and uPlot come from
 live.py      `slip-vic watch`: the same from topics

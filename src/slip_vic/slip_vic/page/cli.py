@@ -22,8 +22,7 @@ LOOK_S = 1.0
 @click.argument("bags", metavar="BAG [BAG...]", nargs=-1, required=True, type=click.Path(path_type=Path))
 @out_option("report.html", "the page")
 @click.option("--title", default="", help="default: the scenario")
-@click.option("--video", type=click.Path(path_type=Path), help="write an MP4 file too; needs ffmpeg and OpenGL")
-def report(bags: tuple[Path, ...], out: Path, title: str, video: Path | None) -> None:
+def report(bags: tuple[Path, ...], out: Path, title: str) -> None:
     """Write one self-contained web page of recorded runs: 3D replay, linked plots, table."""
     from slip_vic.page.page import write_page
 
@@ -35,10 +34,6 @@ def report(bags: tuple[Path, ...], out: Path, title: str, video: Path | None) ->
     command = shlex.join(["slip-vic", *sys.argv[1:]])
     write_page(out, dict(zip(labels, bags, strict=True)), command=command, title=title)
     click.echo(f"{out}: {out.stat().st_size / 1e6:.2f} MB")
-    if video is not None:
-        from slip_vic.page.video import write_video
-
-        click.echo(f"{video}: {write_video(video, dict(zip(labels, bags, strict=True)))} frames")
 
 
 @click.command()

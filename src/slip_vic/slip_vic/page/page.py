@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import html
-import importlib.resources
 import json
 import os
 import string
@@ -18,14 +17,13 @@ from slip_core.errors import InputError
 from slip_vic.page.packing import Packer, compressed
 from slip_vic.page.plots import describe_plots
 from slip_vic.page.runs import Run, colours, describe, duration_s, grid, read_run, shown
-from slip_vic.page.scripts import three, uplot
+from slip_vic.page.scripts import read_static, three, uplot
 from slip_vic.run.metrics import summarise, summary_rows
 from slip_vic.run.series import read_series
 
 if TYPE_CHECKING:
     from slip_vic.run import run
 
-STATIC: Final = importlib.resources.files(__package__) / "static"
 MODULES: Final = (
     "data.js",
     "colours.js",
@@ -160,18 +158,14 @@ def assemble(*, live: bool, title: str, data: str, **parts: str) -> str:
     values = {
         "title": html.escape(title),
         "description": html.escape(parts.pop("description", "")),
-        "style": style + _read("style.css"),
+        "style": style + read_static("style.css"),
         "libraries": _script(three()) + _script(script),
-        "program": _script(f'(() => {{\n"use strict";\n{"".join(_read(name) for name in MODULES)}\n}})();'),
+        "program": _script(f'(() => {{\n"use strict";\n{"".join(read_static(name) for name in MODULES)}\n}})();'),
         "data": data,
         "live": json.dumps(live),
         **parts,
     }
-    return string.Template(_read("page.html")).substitute(values)
-
-
-def _read(name: str) -> str:
-    return (STATIC / name).read_text(encoding="utf-8")
+    return string.Template(read_static("page.html")).substitute(values)
 
 
 def _script(text: str) -> str:

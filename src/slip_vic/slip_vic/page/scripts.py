@@ -1,10 +1,8 @@
-"""Where the page's scripts come from: three.js is in trimesh's wheel, uPlot in uplot-python's; none is imported.
-
-Measured against other packages: docs/architecture.md, "Decisions".
-"""
+"""The page's libraries: three.js out of trimesh's wheel, and uPlot, which stands beside the page's own scripts."""
 
 from __future__ import annotations
 
+import importlib.resources
 import importlib.util
 import re
 import zipfile
@@ -13,20 +11,23 @@ from typing import Final
 
 from slip_core.errors import InputError
 
+STATIC: Final = importlib.resources.files(__package__) / "static"
 _VIEWER: Final = ("trimesh", "resources/templates/viewer.zip", "viewer.html.template")
-_UPLOT: Final = ("uplot", "static/uPlot.iife.js", "static/uPlot.min.css")
 _THREE: Final = re.compile(r"/\*\*\s+\* @license\s+\* Copyright [\d-]+ Three\.js Authors[^/]*\*/\n!function[^\n]+")
 """Licence and module, which is one line; viewer, loader and controls of trimesh's own page follow it."""
 
 
 def three() -> str:
-    """Return three.js as a script that defines `THREE`.
+    """Return three.js as a script that defines `THREE`; trimesh is not imported.
 
     Raises:
         InputError: where the package is absent, or no longer holds it.
     """
     package, archive, member = _VIEWER
-    path = _folder(package) / archive
+    spec = importlib.util.find_spec(package)
+    if spec is None or spec.origin is None:
+        raise InputError(f"package {package}", got="not installed", expected="the packages of requirements.lock")
+    path = Path(spec.origin).parent / archive
     try:
         with zipfile.ZipFile(path) as opened:
             found = _THREE.search(opened.read(member).decode("utf-8"))
@@ -38,24 +39,13 @@ def three() -> str:
 
 
 def uplot() -> tuple[str, str]:
-    """Return uPlot's script, which defines `uPlot`, and its style.
-
-    Raises:
-        InputError: where the package is absent, or no longer holds them.
-    """
-    package, *files = _UPLOT
-    try:
-        script, style = ((_folder(package) / file).read_text(encoding="utf-8") for file in files)
-    except OSError as error:
-        raise _other_version("uplot-python", str(error)) from None
-    return script, style
+    """Return uPlot's script, which defines `uPlot`, and its style."""
+    return read_static("uPlot.iife.min.js"), read_static("uPlot.min.css")
 
 
-def _folder(package: str) -> Path:
-    spec = importlib.util.find_spec(package)
-    if spec is None or spec.origin is None:
-        raise InputError(f"package {package}", got="not installed", expected="the packages of requirements.lock")
-    return Path(spec.origin).parent
+def read_static(name: str) -> str:
+    """Return the text of a file beside the page."""
+    return (STATIC / name).read_text(encoding="utf-8")
 
 
 def _other_version(package: str, got: str) -> InputError:

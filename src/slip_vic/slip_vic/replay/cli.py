@@ -12,8 +12,7 @@ from slip_vic.options import out_option
 @click.command()
 @click.argument("bag_path", metavar="BAG", type=click.Path(path_type=Path))
 @click.option("--set", "assignments", multiple=True, metavar="KEY=VALUE", help="replace a stored parameter; repeatable")
-@click.option("--from", "from_s", type=click.FloatRange(min=0.0), default=0.0, help="begin so many seconds in [s]")
-def verify(bag_path: Path, assignments: tuple[str, ...], from_s: float) -> None:
+def verify(bag_path: Path, assignments: tuple[str, ...]) -> None:
     """Run the controller again on the recorded inputs and compare every effort bit by bit.
 
     Exit code 0: identical. 1: not, with the first difference. 2: this bag cannot be verified.
@@ -33,7 +32,7 @@ def verify(bag_path: Path, assignments: tuple[str, ...], from_s: float) -> None:
         notes = other_software(opened.custom_data)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task("replaying", total=sum(len(run.ledger) for run in runs.values()))
-        verdict = verify_run(runs, lambda: progress.advance(task), from_s)
+        verdict = verify_run(runs, lambda: progress.advance(task))
     click.echo(verdict.text())
     if not verdict.identical:
         for note in notes:

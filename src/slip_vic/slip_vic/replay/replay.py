@@ -1,4 +1,4 @@
-"""Run the controller again on what the ledger says it used, and compare every command and state bit by bit."""
+"""Run the controller again on what the ledger says it used, and compare every command bit by bit."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from slip_core.arms import prefix_of
 from slip_core.errors import InputError
-from slip_core.records import place
 from slip_core.types import JointSample, PoseGoal, SlipSample, WrenchSample
 from slip_vic.replay.run_data import LedgerEntry, RecordedRun
 from slip_vic_controller.safety.faults import Fault
@@ -22,11 +21,6 @@ from slip_vic_controller.session.arm_session import ArmSession
 from slip_vic_controller.session.controller import Controller
 from slip_vic_controller.session.cycle_result import CycleResult, Health
 from slip_vic_controller.session.session import ControllerSession
-from slip_vic_controller.session.snapshot import from_text, number_name
-from slip_vic_controller.state import ARM_STATE, TASK_SIZE
-
-INPUTS_JUDGED = slice(TASK_SIZE + place(ARM_STATE, "joint").start, TASK_SIZE + place(ARM_STATE, "slip_inputs").stop)
-"""Of a state, what says how inputs came: a replay has the verdicts instead."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,10 +47,6 @@ class _Samples:
         self._slip_needed = run.params.controller == "vic"
         self._previous_ns = -1
         self._stamps = np.array(sorted(run.slips[0]), dtype=np.int64)
-
-    def previous(self, entry: LedgerEntry) -> None:
-        """Name the cycle before the first one: the slip samples up to it are not new."""
-        self._previous_ns = entry.slip_ns[0]
 
     def joint(self, entry: LedgerEntry) -> JointSample:
         """Return the joint state the cycle answered."""
@@ -102,77 +92,28 @@ class _Samples:
             ) from None
 
 
-def first_index(run: RecordedRun, from_s: float = 0.0) -> int:
-    """Return where in the ledger a replay begins: at its first cycle, or where a snapshot of the controller is known.
-
-    Args:
-        run: the run.
-        from_s: begin no earlier than this many seconds after the first cycle.
-
-    Raises:
-        InputError: there is no such place.
-    """
-    if run.ledger[0].cycle == 0 and from_s <= 0.0:
-        return 0
-    earliest = run.ledger[0].joint_ns + round(1e9 * from_s)
-    # The cycle before is needed too: it says which slip samples are new.
-    for index, entry in enumerate(run.ledger[1:], start=1):
-        if entry.joint_ns >= earliest and entry.cycle in run.states:
-            return index
-    raise InputError(
-        "the ledger",
-        got=f"a beginning at cycle {run.ledger[0].cycle}, and no controller/state at {from_s:g} s or later",
-        expected="the run from its first cycle, or a state to begin with (one each second)",
-    )
-
-
-def first_indices(runs: Mapping[str, RecordedRun], from_s: float = 0.0) -> tuple[int, ...]:
-    """Return where in each arm's ledger a replay begins, as in `first_index`: in one cycle of all arms.
-
-    Raises:
-        InputError: there is no such cycle.
-    """
-    first, *others = runs.values()
-    begin = first_index(first, from_s)
-    if begin == 0:
-        return (0, *map(first_index, others))
-    now_ns = first.ledger[begin].now_ns
-    return (begin, *(_state_at(name, run, now_ns) for name, run in list(runs.items())[1:]))
-
-
-def _state_at(name: str, run: RecordedRun, now_ns: int) -> int:
-    for index, entry in enumerate(run.ledger):
-        if entry.now_ns == now_ns and entry.cycle in run.states:
-            return index
-    raise InputError(
-        "the ledgers", got=f"no state of the arm {name} at {now_ns} ns, where the first arm has one",
-        expected="states of all arms in the same cycle",
-    )  # fmt: skip
-
-
-def replay(runs: Mapping[str, RecordedRun], begins: Sequence[int]) -> Iterator[Divergence | None]:
-    """Yield per cycle of each arm None where all is as recorded to the last bit, else what differs first.
-
-    Compared are commands, modes and, where the bag has one, the controller's whole state before the cycle.
+def replay(runs: Mapping[str, RecordedRun]) -> Iterator[Divergence | None]:
+    """Yield per cycle of each arm None where command and mode are as recorded to the last bit, else what differs first.
 
     Args:
         runs: of each arm, in one controller.
-        begins: indices in their ledgers, of `first_indices`.
 
     Raises:
         InputError: the run cannot be replayed from this bag.
 
     The ledger gives the inputs, clock, verdicts and requests of every cycle; the rest is code.
     """
+    for run in runs.values():
+        if run.ledger[0].cycle != 0:
+            raise InputError("the ledger", got=f"a beginning at cycle {run.ledger[0].cycle}", expected="the whole run")
     params, urdfs = ({name: getattr(run, of) for name, run in runs.items()} for of in ("params", "urdf"))
     lockstep = next(iter(params.values())).mode == "lockstep"
     session = ControllerSession(Controller(params, urdfs, lockstep=lockstep))
-    arms = [_Arm(session, *each) for each in zip(session.arms, runs.values(), begins, strict=True)]
+    arms = [_Arm(session, *each) for each in zip(session.arms, runs.values(), strict=True)]
     while any(arm.entry is not None for arm in arms):
         turn = [arms[k] for k in _turn([arm.entry for arm in arms])]
-        before = [arm.compare_state() for arm in turn]
-        for arm, state, entry, result in zip(turn, before, *_cycle(session, turn), strict=True):
-            found = state or _compare(arm.run, entry, arm.run.commands[arm.at - 1], result)
+        for arm, entry, result in zip(turn, *_cycle(session, turn), strict=True):
+            found = _compare(arm.run, entry, arm.run.commands[arm.at - 1], result)
             yield None if found is None else replace(found, topic=f"{prefix_of(arm.name)}{found.topic}")
 
 
@@ -207,39 +148,17 @@ class _Arm:
         session: of all arms.
         arm: of the session.
         run: what was recorded.
-        begin: index in the ledger.
     """
 
-    def __init__(self, session: ControllerSession, arm: ArmSession, run: RecordedRun, begin: int) -> None:
-        self._session, self._arm, self.run, self.at = session, arm, run, begin
-        self.name, self.index, self._samples, self._begin = arm.name, arm.index, _Samples(run), begin
+    def __init__(self, session: ControllerSession, arm: ArmSession, run: RecordedRun) -> None:
+        self._session, self._arm, self.run, self.at = session, arm, run, 0
+        self.name, self.index, self._samples = arm.name, arm.index, _Samples(run)
         self._changes = {change.index: change.params for change in run.changes}
-        if begin > 0:
-            arm.restore(from_text(run.states[run.ledger[begin].cycle]))
-            self._samples.previous(run.ledger[begin - 1])
-            for index in [index for index in self._changes if index < begin]:
-                arm.know(self._changes.pop(index))
 
     @property
     def entry(self) -> LedgerEntry | None:
         """What was recorded of the next cycle; None at the end."""
         return self.run.ledger[self.at] if self.at < len(self.run.ledger) else None
-
-    def compare_state(self) -> Divergence | None:
-        """Return the first number of the state before the next cycle that is not as recorded, where the bag has one."""
-        entry = self.run.ledger[self.at]
-        if self.at == self._begin or entry.cycle not in self.run.states:
-            return None
-        recorded, replayed = from_text(self.run.states[entry.cycle]), self._arm.snapshot()
-
-        def differs(field: str, one: float, other: float) -> Divergence:
-            return Divergence(entry.cycle, entry.joint_ns, "controller/state", field, float(one), float(other), None)
-
-        if recorded.shape != replayed.shape:
-            return differs("numbers", len(recorded), len(replayed))
-        recorded[INPUTS_JUDGED] = replayed[INPUTS_JUDGED]
-        differ = np.flatnonzero(recorded.view(np.int64) != replayed.view(np.int64))
-        return differs(number_name(int(differ[0])), recorded[differ[0]], replayed[differ[0]]) if len(differ) else None
 
     def begin(self) -> LedgerEntry:
         """Take what had come since the cycle before, and return the entry of this one."""

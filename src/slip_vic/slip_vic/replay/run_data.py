@@ -29,13 +29,11 @@ from slip_msgs_py.messages.from_msgs import (
 )
 from slip_vic_controller.contact.slip_displacement import SlipFromDisplacement
 from slip_vic_controller.params.node_params import ControllerNodeParams
-from slip_vic_controller.session.snapshot import cycle_of
 
 if TYPE_CHECKING:
     from rcl_interfaces.msg import ParameterValue
 
 LEDGER: Final = "controller/ledger"
-STATE: Final = "controller/state"
 GIVEN: Final = "controller/reference_used"
 PARAMETERS: Final = "controller.params.yaml"
 URDF: Final = "arm.urdf"
@@ -86,7 +84,7 @@ class RecordedRun:
     """Everything that a replay of one arm needs, and what it must reproduce.
 
     joints, wrenches, slips: by stamp [ns], the last two per contact. commands: per ledger entry, (n,) or (0,).
-    states: the controller's state as text, by the cycle that begins with it. given: references or goals in their order.
+    given: references or goals in their order.
     """
 
     params: ControllerNodeParams
@@ -97,7 +95,6 @@ class RecordedRun:
     wrenches: tuple[dict[int, WrenchSample], ...]
     slips: tuple[dict[int, SlipSample], ...]
     commands: tuple[NDArray[np.float64], ...]
-    states: dict[int, str]
     given: tuple[CartesianReference | PoseGoal, ...] = ()
 
 
@@ -152,7 +149,6 @@ def _read_arm(source: _Source, params: ControllerNodeParams) -> RecordedRun:
         wrenches=tuple(_wrenches(bag, f"{contact}wrench", params) for contact in contacts),
         slips=tuple(_slips(bag, contact, params) for contact in contacts),
         commands=_commands(_complete(bag, f"{prefix}{interface}_command"), ledger_series, order, interface),
-        states=_states(bag, prefix + STATE),
         given=_given(bag, source.root + GIVEN, params),
     )
 
@@ -165,14 +161,6 @@ def _given(bag: Bag, topic: str, params: ControllerNodeParams) -> tuple[Cartesia
     if params.trajectory.kind == "topic":
         return tuple(map(cartesian_reference, messages))
     return tuple(pose_goal(message, params.trajectory.duration_s) for message in messages)
-
-
-def _states(bag: Bag, topic: str) -> dict[int, str]:
-    if topic not in bag.topics:
-        return {}
-    texts = [message.value.data for message in bag.messages(topic)]
-    cycles = [cycle_of(text) for text in texts]
-    return {cycle: text for cycle, text in zip(cycles, texts, strict=True) if cycle is not None}
 
 
 def _namespace(bag: Bag, ledger: str) -> str:

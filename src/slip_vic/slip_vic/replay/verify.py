@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from slip_bags.provenance import provenance
-from slip_vic.replay.replay import Divergence, first_indices, replay
+from slip_vic.replay.replay import Divergence, replay
 from slip_vic.replay.run_data import RecordedRun
 from slip_vic.run.recording import versions
 
@@ -42,25 +42,21 @@ class Comparison:
         )
 
 
-def verify_run(
-    runs: Mapping[str, RecordedRun], on_cycle: Callable[[], None] = lambda: None, from_s: float = 0.0
-) -> Comparison:
-    """Replay the run of each arm; `on_cycle` is called after every cycle; from_s: begin so many seconds in.
+def verify_run(runs: Mapping[str, RecordedRun], on_cycle: Callable[[], None] = lambda: None) -> Comparison:
+    """Replay the run of each arm; `on_cycle` is called after every cycle.
 
     Raises:
         InputError: the run cannot be replayed from its bag.
     """
-    begins = first_indices(runs, from_s)
     different, first = 0, None
-    for divergence in replay(runs, begins):
+    for divergence in replay(runs):
         on_cycle()
         if divergence is not None:
             different += 1
             first = first or divergence
-    rest = [run.commands[begin:] for run, begin in zip(runs.values(), begins, strict=True)]
-    numbers = sum(len(command) for commands in rest for command in commands)
+    numbers = sum(len(command) for run in runs.values() for command in run.commands)
     kind = KINDS[next(iter(runs.values())).params.command.interface]
-    return Comparison(sum(map(len, rest)), numbers, kind, different, first)
+    return Comparison(sum(len(run.commands) for run in runs.values()), numbers, kind, different, first)
 
 
 def other_software(custom_data: Mapping[str, str]) -> list[str]:

@@ -1,4 +1,4 @@
-"""The demo: one scenario under classical, variable and governed impedance: table, summary, page, picture."""
+"""The demo: one scenario under classical, variable and governed impedance: table, summary, page."""
 
 from __future__ import annotations
 
@@ -23,10 +23,9 @@ from slip_vic.page.page import write_page, write_runs
 from slip_vic.run.judge import Verdict, judge_incidents, measured
 from slip_vic.run.launcher import Launcher
 from slip_vic.run.metrics import summary_rows
-from slip_vic.run.picture import write_report
 from slip_vic.run.progress import run_progress
 from slip_vic.run.recording import versions
-from slip_vic.run.series import RunSeries, read_series
+from slip_vic.run.series import read_series
 from slip_vic.scenarios.scenario import GOVERNED, Law, Scenario, read_parameters
 
 if TYPE_CHECKING:
@@ -39,7 +38,7 @@ ORDER: tuple[Law, ...] = ("classical", "vic", "governed")
 def run_demo(
     choice: Choice, out: Path, console: Console, domain: int | None = None, *, in_process: bool = False
 ) -> dict[str, Any]:
-    """Run all controllers, write page, ``summary.json``, ``report.png`` and bags into `out`, return the summary.
+    """Run all controllers, write page, ``summary.json`` and bags into `out`, return the summary.
 
     Nothing is written into `out` before all runs are complete: bags are recorded beside it and moved in.
 
@@ -62,12 +61,11 @@ def run_demo(
         words = {"command": shlex.join(["slip-vic", *sys.argv[1:]]), "title": shown.name}
         words["description"] = shown.description
         if in_process:
-            runs, series = _in_process(loaded, staging / "report.html", words, console)
+            runs = _in_process(loaded, staging / "report.html", words, console)
         else:
-            runs, series = _over_dds(loaded, staging, words, console, domain)
+            runs = _over_dds(loaded, staging, words, console, domain)
             for law, run in runs.items():
                 run["bag"] = str(out / law)
-        write_report(staging / "report.png", f"{shown.name}: {shown.description}", series)
         summary = {"scenario": shown.name, "seed": choice.seed, "versions": versions(), "runs": runs}
         (staging / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
         table = comparison_table(shown.name, runs)
@@ -76,23 +74,21 @@ def run_demo(
         shutil.rmtree(staging, ignore_errors=True)
     console_out = Console()
     console_out.print(table)
-    files = {"page": "report.html", "summary": "summary.json", "picture": "report.png"}
+    files = {"page": "report.html", "summary": "summary.json"}
     console_out.print("\n".join(f"{what}: {out / name}" for what, name in files.items()), soft_wrap=True)
     return summary
 
 
 def _over_dds(
     loaded: Mapping[Law, Scenario], folder: Path, words: Mapping[str, str], console: Console, domain: int | None
-) -> tuple[dict[str, Numbers], dict[str, RunSeries]]:
+) -> dict[str, Numbers]:
     """Run as processes, record a bag of each into `folder`, and write the page of them."""
     runs: dict[str, Numbers] = {}
-    series: dict[str, RunSeries] = {}
     with run_progress(console) as add_bar:
         bars = {law: add_bar(f"{made.name} {law}", made.duration_s) for law, made in loaded.items()}
         for law, scenario in loaded.items():
             result = Launcher(scenario, bag=folder / law, wanted_domain=domain).run(bars[law])
             read = [read_series(folder / law, arm) for arm in scenario.controllers]
-            series |= {f"{law} {one.arm}".strip(): one for one in read}
             runs[law] = {
                 **numbers_of(measured(scenario, read, *judge_incidents(result.incidents))),
                 "ticks": result.ticks,
@@ -103,24 +99,23 @@ def _over_dds(
             }
     ends = {law: run["reason"] for law, run in runs.items() if run["outcome"] != "ok"}
     write_page(folder / "report.html", {law: folder / law for law in loaded}, **words, ends=ends)
-    return runs, series
+    return runs
 
 
 def _in_process(
     loaded: Mapping[Law, Scenario], page: Path, words: Mapping[str, str], console: Console
-) -> tuple[dict[str, Numbers], dict[str, RunSeries]]:
+) -> dict[str, Numbers]:
     """Run in this process, and write the page."""
     done: dict[str, Run] = {}
     for law, scenario in loaded.items():
         with console.status(f"{scenario.name} {law}"):
             done[law] = scenario.run()
     write_runs(page, done, **words)
-    runs = {
+    return {
         law: numbers_of(run.verdict)
         | {"ticks": run.track.ticks, "incidents": [run.reason] if run.outcome != "ok" else []}
         for law, run in done.items()
     }
-    return runs, {f"{law} {s.arm}".strip(): s for law, run in done.items() for s in run.track.series()}
 
 
 def numbers_of(verdict: Verdict) -> Numbers:

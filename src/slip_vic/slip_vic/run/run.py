@@ -1,4 +1,4 @@
-"""A run that is over: its numbers, every tick as a table, a picture, the page."""
+"""A run that is over: its numbers, every tick as a table, the page."""
 
 from __future__ import annotations
 
@@ -17,7 +17,6 @@ from slip_vic.run.track import Track
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.figure import Figure
 
     from slip_vic.scenarios.scenario import Scenario
 
@@ -119,15 +118,6 @@ class Run:
         columns |= {name: values for name, values in series.law.items() if name not in columns}
         return pd.DataFrame(columns)
 
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Return the picture of the run: motion, slip, stiffness, gate; `path` writes it too."""
-        from slip_vic.run.picture import picture
-
-        figure = picture(self._title, {self._label(series.arm): series for series in self.track.series()})
-        if path is not None:
-            figure.savefig(path, dpi=90)
-        return figure
-
     def page(self, path: str | Path) -> Path:
         """Write the page of the run, one HTML file with a 3D replay and linked plots; return its path.
 
@@ -147,10 +137,6 @@ class Run:
         if name not in self.track.arms:
             raise UnknownName("arm", name, self.track.arms)
         return self.track.arms.index(name)
-
-    @property
-    def _title(self) -> str:
-        return f"{self.scenario.name}: {self.scenario.description}"
 
     def _label(self, arm: str) -> str:
         return f"{self.scenario.law} {arm}".strip()

@@ -142,9 +142,3 @@ def mode_changes(bag: Bag, topic: str | None, states: Series, start_ns: int) -> 
         place = max(0, int(np.searchsorted(states.log_time_ns, message.log_time_ns, side="right")) - 1)
         found.append((1e-9 * float(states.stamps[place] - start_ns), str(message.value.data)))
     return tuple(found)
-
-
-def rotation_angle_about(rotations: Array, axis: Array) -> Array:
-    """Return the unwrapped angle about `axis` relative to the first rotation; (N, 3, 3), (3,) {w} -> (N,) [rad]."""
-    half = Rotation.from_matrix(rotations @ rotations[0].T).as_quat(canonical=True)
-    return np.unwrap(2.0 * np.arctan2(half[:, :3] @ axis, half[:, 3]))

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import click
 from click.core import ParameterSource
 
+from slip_core.errors import require_extra
 from slip_vic.options import (
     ALLOW_FAULT,
     ASSIGNMENTS,
@@ -257,6 +258,7 @@ def tune(
     assignments: tuple[str, ...],
 ) -> None:
     """Search gains for less slip with a sensor: controller.yaml, tune.html; continues where it stopped."""
+    require_extra("optuna", "slip-vic tune", "tune")
     from slip_vic.study.cases import MISMATCHES
     from slip_vic.study.tune.command import Wanted, run_tune
     from slip_vic.study.tune.space import Bounds

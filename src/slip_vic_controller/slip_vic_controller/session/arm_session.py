@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from slip_core.arrays import Array, readonly
-from slip_core.errors import InputError
 from slip_core.records import new, place, record
 from slip_core.types import CartesianReference, DisplacementSample, JointSample, SlipSample, WrenchSample
 from slip_vic_controller.arm.config import with_measured_noise
@@ -253,10 +252,6 @@ class ArmSession:
             start = new(LAW_GAINS)
             sample_gains(self.row[_RAMP], int(law.stamp_ns), start)
             law.ramp = make_ramp(start, target, int(law.stamp_ns), least_s).view(RAMP)[0]
-        self.know(params)
-
-    def know(self, params: ControllerParams) -> None:
-        """Take parameters that were set before the state which `restore` was given: their ramp is part of it."""
         self._tuned = params
         self._session.configure(self.index, lambda config: renew_config(config, params))
 
@@ -397,26 +392,6 @@ class ArmSession:
     def without_joint_state(self, newest: JointSample, now_ns: int) -> tuple[CycleResult, bool]:
         """Run one cycle of the watchdog; return its result, and whether effort or mode have changed by it."""
         return self._session.run_watchdog(self, newest, now_ns)
-
-    # -- snapshots ---------------------------------------------------------------------------------
-
-    def snapshot(self) -> Array:
-        """Return all with which the next cycle of this arm begins: the task, and its own row and history."""
-        task = self._session.buffer[:TASK_SIZE]
-        return np.concatenate((task, self.row, used_history(self.state.observer, self.history)))
-
-    def restore(self, state: Array) -> None:
-        """Continue from a snapshot of this arm; of several arms each is restored from its own.
-
-        Raises:
-            InputError: it is of another size.
-        """
-        expected = TASK_SIZE + self.row.size + self.history.size
-        if state.shape != (expected,):
-            raise InputError("controller state", got=f"{state.size} numbers", expected=f"{expected}")
-        self._session.buffer[:TASK_SIZE] = state[:TASK_SIZE]
-        self.row[:], self.history[:] = state[TASK_SIZE:][:ARM_SIZE], state[TASK_SIZE + ARM_SIZE :]
-        self.use_tare()
 
     # -- statistics --------------------------------------------------------------------------------
 

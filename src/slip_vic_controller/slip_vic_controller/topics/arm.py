@@ -17,7 +17,7 @@ from slip_msgs_py.fast_io import Refusals, create_receiver, create_sender
 from slip_msgs_py.messages import forms, from_msgs
 from slip_msgs_py.node_shell import NodePart
 from slip_vic_controller.params.node_params import ControllerNodeParams
-from slip_vic_controller.publishing import DiagnosticsPublisher, StatePublisher, StatusPublisher, TimingPublisher
+from slip_vic_controller.publishing import DiagnosticsPublisher, StatusPublisher, TimingPublisher
 from slip_vic_controller.session.arm_session import ArmSession
 from slip_vic_controller.session.cycle_result import NO_NUMBERS, CycleResult
 from slip_vic_controller.topics.mode import ModeInterface
@@ -64,7 +64,6 @@ class ArmTopics:
         )
         numbers = 3 + 4 * contacts + 5 + self.arm.controller.external
         self._send_ledger = create_sender(part, "controller/ledger", forms.whole_numbers(numbers))
-        self._state_publisher = StatePublisher(part, self.params.control_period_s, in_background=not self._lockstep)
         own = StatusPublisher(status, arm.controller.robot.name, arm.name)
         decimation = self.params.diagnostics.decimation
         self._diagnostics = DiagnosticsPublisher(part, decimation, own, arm.estimated_joints)
@@ -81,7 +80,6 @@ class ArmTopics:
         return [
             (self._send_command.publisher, self.params.expected_subscribers),
             (self._send_ledger.publisher, recorders),
-            (self._state_publisher.publisher, recorders),
             *([(self._send_grip.publisher, self.params.expected_subscribers)] if self._send_grip else []),
             *((publisher, recorders) for publisher in published),
         ]
@@ -90,10 +88,6 @@ class ArmTopics:
     def missed(self) -> int:
         """Joint states that were never answered; in real time."""
         return self._timing.missed if self._timing is not None else 0
-
-    def close(self) -> None:
-        """Wait for what is being written."""
-        self._state_publisher.close()
 
     def say_no_command(self) -> None:
         """Say once that there is no command any more: to a velocity drive, which continues with its last one, zero."""
@@ -127,7 +121,6 @@ class ArmTopics:
     def tell(self, result: CycleResult) -> None:
         """Publish what no cycle waits for."""
         self._send_ledger.send(result.joint.stamp_ns, (*result.ledger, *result.decision))
-        self._state_publisher.publish(self.arm)
         self._mode.publish(result)
         if len(result.numbers):
             self._diagnostics.publish(result)
