@@ -52,7 +52,6 @@ def cli() -> None:
 @click.option("--cpu", "cpus", help="core of bridge and controller, or two: 2,3; default in real time: the last two")
 @click.option("--fifo", type=click.IntRange(1, 99), help="their SCHED_FIFO priority, where permitted")
 @click.option("--lock-memory", is_flag=True, help="keep their memory in RAM, where permitted")
-@click.option("--one-process", is_flag=True, help="bridge and controller in one process; topics stay real")
 @IN_PROCESS
 @click.option("--page", type=click.Path(path_type=Path), help="write the page of the run")
 @ALLOW_FAULT
@@ -65,7 +64,6 @@ def run(
     cpus: str | None,
     fifo: int | None,
     lock_memory: bool,
-    one_process: bool,
     in_process: bool,
     page: Path | None,
     allow_fault: bool,
@@ -109,7 +107,7 @@ def run(
         judged = Path(folder) / "bag" if loaded.duration_s <= LONGEST_JUDGED_S else None
         launcher = Launcher(
             loaded, bag=record or judged, keep_bag=record is not None, wanted_domain=domain_id, namespace=namespace,
-            process=process, one_process=one_process,
+            process=process,
         )  # fmt: skip
         with run_progress(Console(stderr=True)) as add_bar:
             result = launcher.run(

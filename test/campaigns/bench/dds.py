@@ -82,9 +82,9 @@ def lockstep_scenario(duration_s: float) -> Scenario:
     return load_scenario(SCENARIO, assignments=(f"bridge.duration_s={duration_s}",))
 
 
-def lockstep_tick_s(scenario: Scenario, *, one_process: bool = False, record: bool = False) -> float:
+def lockstep_tick_s(scenario: Scenario, *, record: bool = False) -> float:
     """Return the mean time of a lockstep tick of the whole system [s]."""
-    result = _run(scenario, record=record, one_process=one_process)
+    result = _run(scenario, record=record)
     return result.wall_time_s / result.ticks
 
 
@@ -98,15 +98,12 @@ def free_run(rate_hz: int, duration_s: float, process: ProcessOptions) -> RunRes
     return _run(scenario, record=True, process=process)
 
 
-def _run(
-    scenario: Scenario, *, record: bool, one_process: bool = False, process: ProcessOptions | None = None
-) -> RunResult:
+def _run(scenario: Scenario, *, record: bool, process: ProcessOptions | None = None) -> RunResult:
     folder = Path(tempfile.mkdtemp(prefix="slip_vic_bench_"))
     try:
         return Launcher(
             scenario,
             bag=folder / "bag" if record else None,
-            one_process=one_process,
             process=process or ProcessOptions(),
         ).run()
     finally:

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from slip_bags.reader import Bag
-from slip_core.errors import InputError
 from slip_core.stamps import stamp_to_ns
 from slip_msgs_py.realtime import ProcessOptions
 from slip_sim_bridge import pacing
@@ -74,8 +73,3 @@ def test_timing_is_published_and_belongs_to_the_ticks(bag: Path) -> None:
     share = ticks[-1].position[pacing.SCALARS.index("fresh_share")]
     assert share == pytest.approx(np.mean(fresh), abs=1e-12)
     assert names == {f"slip_vic_controller: {part}" for part in ("law", "mode", "timing")}
-
-
-def test_real_time_needs_two_processes() -> None:
-    with pytest.raises(InputError, match="--one-process"):
-        Launcher(load_scenario("paper_planar", mode="realtime"), one_process=True)

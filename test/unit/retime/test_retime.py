@@ -19,7 +19,7 @@ from slip_core.records import record
 from slip_vic.cli import cli
 from slip_vic.retime.certificate import Motion, certified, pad_wrench
 from slip_vic.retime.command import governed, governor_config
-from slip_vic.retime.path import PadPath, read_points
+from slip_vic.retime.path import PadPath, deviation, read_points, smooth_time
 from slip_vic.retime.timing import held_object
 from slip_vic.run.in_process import run_in_process
 from slip_vic.scenarios.reach import pad_path
@@ -116,7 +116,6 @@ def test_velocities_and_accelerations_are_the_derivatives_of_the_motion() -> Non
 
 
 def test_a_path_of_joints_gives_the_same_timing_as_that_of_the_pad(tmp_path: Path) -> None:
-    """Over a CSV file, its own MCAP file, and the goal for an action server."""
     loaded, source = scenario("paper_planar"), tmp_path / "path.csv"
     q = np.array(loaded.bridge.initial_position)
     to = q + np.array([0.6, 0, 0, 0, 0, 0, 0])  # about the vertical: the pads stay level
@@ -138,10 +137,7 @@ def test_a_path_of_joints_gives_the_same_timing_as_that_of_the_pad(tmp_path: Pat
     params, controller = governed(loaded, "slow_down")
     loads = certified(PadPath(poses), params, governor_config(controller))[1].loads  # already slow enough
     assert loads.max() <= params.governor.margin * params.governor.friction_limit
-    again = retime(tmp_path / "a" / "trajectory.mcap", tmp_path / "b")
-    assert again.exit_code == 0, again.output
-    second = json.loads((tmp_path / "b" / "certificate.json").read_text())
-    assert second["arrival_s"] < 1.05 * data["arrival_s"]
+    assert data["deviation"] < 1e-6
     goal = yaml.safe_load((tmp_path / "a" / "follow_joint_trajectory.yaml").read_text())["trajectory"]
     assert goal["joint_names"] == list(loaded.controller.joint_names)
     last = goal["points"][-1]
@@ -186,7 +182,8 @@ def test_a_weight_that_friction_cannot_carry_is_refused_with_its_place(tmp_path:
 @pytest.mark.parametrize(
     ("text", "what"),
     [
-        ("t,a\n0,1\n1,2\n", "a column `time`"),
+        ("a,b\n0,1\n1,2\n", "no column `time`"),
+        ("time,a\n0,1\n1,1\n", "a path that moves"),
         ("time,a\n0,1\n", "at least 2"),
         ("time,a\n0,1\n0,2\n", "growing times"),
         ("time,a\n0,1\n1,nan\n", "numbers that are missing"),
@@ -244,6 +241,64 @@ def test_the_held_object_is_on_the_pad_s_axes() -> None:
     R = matrix_from_quat_xyzw(params.contacts.orientation_xyzw[:4])
     np.testing.assert_allclose(held.inertia, R.T @ inertia_from_six(params.object.inertia, "") @ R)
     np.testing.assert_allclose(R @ held.r, params.contacts.position[:3])
+
+
+def line(source: Path, rows: np.ndarray, *, times: np.ndarray | None = None) -> Path:
+    """Write poses on a line; rows (m,): metres along x from the start of paper_planar."""
+    first = planned_poses(scenario("paper_planar"), 2).values[0]
+    table = pd.DataFrame(np.tile(first, (len(rows), 1)), columns=list(POSE_COLUMNS))
+    table["x"] += rows
+    if times is not None:
+        table.insert(0, "time", times)
+    table.to_csv(source, index=False)
+    return source
+
+
+EVEN = np.linspace(0.0, 0.2, 21)
+
+
+@pytest.mark.parametrize(
+    ("rows", "times", "words"),
+    [
+        (EVEN, np.linspace(0.0, 4.0, 21), ()),
+        (EVEN, None, ("--timing", "time_optimal")),
+        (np.append(EVEN, 0.2), np.append(np.linspace(0.0, 4.0, 21), 4.0), ()),
+    ],
+    ids=["constant speed", "no times", "equal last times"],
+)
+def test_even_steps_are_retimed(tmp_path: Path, rows: Array, times: Array | None, words: tuple[str, ...]) -> None:
+    done = retime(line(tmp_path / "path.csv", rows, times=times), tmp_path / "out", *words)
+    assert done.exit_code == 0, done.output
+    data = json.loads((tmp_path / "out" / "certificate.json").read_text())
+    assert data["holds"]
+    assert data["deviation"] < 1e-9
+    x = pd.read_csv(tmp_path / "out" / "trajectory.csv")["x"].to_numpy()
+    assert np.ptp(x) == pytest.approx(0.2, abs=1e-9)
+    assert np.diff(x).min() > -1e-9, "backwards"
+
+
+def test_a_wait_stays_a_wait(tmp_path: Path) -> None:
+    rows, times = np.insert(EVEN, 10, EVEN[10]), np.concatenate((0.2 * np.arange(11), 2.5 + 0.2 * np.arange(11)))
+    done = retime(line(tmp_path / "path.csv", rows, times=times), tmp_path / "out")
+    assert done.exit_code == 0, done.output
+    table = pd.read_csv(tmp_path / "out" / "trajectory.csv")
+    x = table["x"].to_numpy() - table["x"][0]
+    assert np.diff(x).min() > -1e-9, "backwards"
+    rests = table["time"][np.abs(x - EVEN[10]) < 1e-9]
+    assert np.ptp(rests) >= 0.499
+    assert np.ptp(x) == pytest.approx(0.2, abs=1e-9)
+
+
+def test_smooth_time_inverts_the_motion_of_least_jerk() -> None:
+    share = np.linspace(0.0, 1.0, 101)
+    np.testing.assert_allclose(smooth_time(share**3 * (10 - 15 * share + 6 * share**2)), share, atol=1e-12)
+
+
+def test_deviation_is_the_sagitta_of_an_arc() -> None:
+    corners, arc = np.linspace(0.0, 1.0, 5), np.linspace(0.0, 1.0, 401)
+    points = Points(np.empty(0), np.stack((np.cos(corners), np.sin(corners)), axis=1), ("a", "b"))
+    found = deviation(points, np.stack((np.cos(arc), np.sin(arc)), axis=1))
+    assert found == pytest.approx(1.0 - np.cos(0.125), rel=1e-4)
 
 
 def test_points_are_read_as_they_are_written(tmp_path: Path) -> None:

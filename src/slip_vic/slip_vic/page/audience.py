@@ -29,7 +29,7 @@ class Audience:
 
     def __init__(self, host: str, port: int) -> None:
         self._page = assemble(
-            live=True, title="slip-vic watch", table="", laws="", words="", facts="", notes="", data="", description=""
+            live=True, title="slip-vic watch", table="", laws="", facts="", notes="", data="", description=""
         ).encode()
         self._model = b""
         self._newest = b""

@@ -136,7 +136,6 @@ def _page(
         description=description,
         table=_table(numbers),
         laws=_laws([run.label for run in runs]),
-        words=_words(numbers),
         facts=_facts({_FACTS.get(name, name): value for name, value in facts.items() if value}),
         notes="".join(f"<p>not drawn: {html.escape(name)}</p>" for name in dict.fromkeys(missing)),
         data=compressed(packer.pack(header)),
@@ -188,18 +187,6 @@ def _table(numbers: Mapping[str, Mapping[str, Any]]) -> str:
 def _laws(labels: Sequence[str]) -> str:
     """What the laws that are shown are, a line each."""
     return "<br>".join(f"<b>{label}</b>: {LAWS[label]}" for label in labels if label in LAWS)
-
-
-def _words(numbers: Mapping[str, Mapping[str, Any]]) -> str:
-    """The table's content in sentences."""
-    sentences = []
-    for label, rows in ((label, summary_rows([run])) for label, run in numbers.items()):
-        text = {row.key: row.texts[0] for row in rows}
-        sentences.append(
-            f"<b>{html.escape(label)}</b>: the object has slipped {text['slip_linear_m']} mm and turned "
-            f"{text['slip_angular_rad']}° in the grasp at the end; the tracking error was {text['tracking_mm']} mm rms."
-        )
-    return " ".join(sentences)
 
 
 def _facts(facts: Mapping[str, str]) -> str:

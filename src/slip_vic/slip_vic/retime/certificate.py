@@ -5,6 +5,7 @@ Newton and Euler for the object, with nothing of the governor's formulas: the ce
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -71,6 +72,19 @@ def motion_of(path: GivenPath, timing: Timing) -> Motion:
         pads.append(PadMotion(planned.position, planned.rotation, rate * planned.twist, acceleration))
     x, v, a = (np.array(column) for column in zip(*rows, strict=True))
     return Motion(timing.times, x, v, a, tuple(pads))
+
+
+def joined(motions: Sequence[Motion], waits: Sequence[float], period_s: float) -> Motion:
+    """Return motions one after the other, each at rest for its wait [s] at its end; a row per control period."""
+    rows: list[tuple[Array, Array, Array, PadMotion]] = []
+    for motion, wait in zip(motions, waits, strict=True):
+        begin = 1 if rows else 0  # the first row is the last one of the motion before
+        rows += list(zip(motion.position, motion.velocity, motion.acceleration, motion.pads, strict=True))[begin:]
+        position, none, pad = motion.position[-1], np.zeros_like(motion.position[-1]), motion.pads[-1]
+        rest = pad._replace(twist=np.zeros(6), acceleration=np.zeros(6))
+        rows += [(position, none, none, rest)] * round(wait / period_s)
+    x, v, a, pads = zip(*rows, strict=True)
+    return Motion(period_s * np.arange(len(rows), dtype=np.float64), np.array(x), np.array(v), np.array(a), tuple(pads))
 
 
 def pad_wrench(mass: float, inertia: Array, r: Array, gravity: Array, pad: PadMotion) -> tuple[Array, Array]:

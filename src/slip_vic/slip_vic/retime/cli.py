@@ -21,9 +21,11 @@ from slip_vic.options import Choice, choosing, out_option
 def retime(*, path: Path, choice: Choice, timing: str, topic: str, out: Path) -> None:
     """Give a path the timing that the grasp's friction admits, for any controller to follow.
 
-    PATH is a CSV file or a bag with a trajectory_msgs/JointTrajectory. A CSV file has a column `time` [s] and either
-    one column per joint [rad] or the pad's pose: x, y, z [m], qx, qy, qz, qw. Arm, object, grip and friction are those
-    of the scenario. The result is the same path with a new timing, and a certificate: the load at every sample.
+    PATH is a CSV file or a bag with a trajectory_msgs/JointTrajectory. A CSV file has one column per joint [rad] or the
+    pad's pose: x, y, z [m], qx, qy, qz, qw, and a column `time` [s], which --timing time_optimal does not need. Arm,
+    object, grip and friction are those of the scenario. Written are a smooth path through the points with its new
+    timing, and a certificate: load, and largest distance from the straight lines between the points. A pose given twice
+    is a wait, and stays one.
     """
     from slip_vic.retime.command import run_retime
 

@@ -13,8 +13,8 @@ from slip_core.errors import InputError
 from slip_core.records import new, record
 from slip_vic.options import Choice
 from slip_vic.retime import output
-from slip_vic.retime.certificate import arm_shares, certified
-from slip_vic.retime.path import GivenPath, PadPath, read_points
+from slip_vic.retime.certificate import arm_shares, certified, certify, joined
+from slip_vic.retime.path import GivenPath, PadPath, deviation, in_order, read_points, sections
 from slip_vic.retime.timing import held_object
 from slip_vic.scenarios.scenario import Scenario
 from slip_vic_controller.governor.layouts import GOVERNOR_CONFIG
@@ -38,20 +38,37 @@ def run_retime(source: Path, choice: Choice, out: Path, *, timing: str = "slow_d
         InputError: a path that is none, or that friction cannot carry.
     """
     given = read_points(source, topic)
+    timed = len(given.times) > 0
+    if not timed and timing == "slow_down":
+        raise InputError(
+            f"path {source}",
+            got="no column `time`",
+            expected="times for --timing slow_down",
+            fix="--timing time_optimal",
+        )
     params, controller = governed(choice.load(), timing)
-    path: GivenPath = PadPath(given) if given.of_pad else JointPath(given, controller.robot)
-    motion, certificate = certified(path, params, governor_config(controller))
-    data = output.certificate_data(certificate, motion, path.duration)
+    parts, config = sections(given, params.governor.torsional_radius), governor_config(controller)
+    paths: list[GivenPath] = [
+        PadPath(part.points) if given.of_pad else JointPath(part.points, controller.robot) for part in parts
+    ]
+    motions = [certified(path, params, config)[0] for path in paths]
+    motion = joined(motions, [part.wait_s for part in parts], params.control_period_s)
+    certificate = certify(params, held_object(params), motion)
+    ordered = given if given.of_pad else in_order(given, controller.robot.joint_names)
+    data = output.certificate_data(
+        certificate, motion, float(given.times[-1]) if timed else None, deviation(ordered, motion.position)
+    )
     out.mkdir(parents=True, exist_ok=True)
-    output.write_csv(out / "trajectory.csv", path.names, motion)
+    output.write_csv(out / "trajectory.csv", paths[0].names, motion)
     if not given.of_pad:
-        output.write_goal(out / "follow_joint_trajectory.yaml", path.names, motion)
-        output.write_bag(out / "trajectory.mcap", path.names, motion)
+        output.write_goal(out / "follow_joint_trajectory.yaml", paths[0].names, motion)
         speeds, efforts = arm_shares(controller.robot, held_object(params), np.array(params.gravity), motion)
         data |= {"peak_velocity_share": float(speeds.max()), "peak_effort_share": float(efforts.max())}
     (out / "certificate.json").write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
-    output.write_page(out / "retime.html", f"{source.name} retimed", data, output.draw(certificate, motion))
-    yield f"arrival {data['arrival_s']:.3f} s; the path as given takes {path.duration:.3f} s"
+    as_given = f"; the path as given takes {given.times[-1]:.3f} s" if timed else ""
+    yield f"arrival {data['arrival_s']:.3f} s{as_given}"
+    unit, scale = ("mm", 1e3) if given.of_pad else ("rad", 1.0)
+    yield f"at most {scale * data['deviation']:.3g} {unit} from the straight lines between the points"
     yield f"load at most {100.0 * certificate.peak_share:.2f} % of the friction, at {data['peak_at_s']:.3f} s"
     for what in ("velocity", "effort"):
         share = data.get(f"peak_{what}_share", 0.0)

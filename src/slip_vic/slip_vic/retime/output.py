@@ -1,4 +1,4 @@
-"""What `slip-vic retime` writes: a CSV file, a bag, a goal for FollowJointTrajectory, the certificate, and a page."""
+"""What `slip-vic retime` writes: a CSV file, a goal for FollowJointTrajectory, and the certificate."""
 
 from __future__ import annotations
 
@@ -8,20 +8,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import yaml
-from matplotlib.figure import Figure
-from mcap_ros2.writer import Writer
 from scipy.spatial.transform import Rotation
 
-from slip_bags.typedefs import find_definition
 from slip_core.arrays import Array
-from slip_vic.document import document, drawn, table
 from slip_vic.retime.certificate import Certificate, Motion
-from slip_vic.retime.path import TRAJECTORY
 from slip_vic_controller.path.joint_path import POSE_COLUMNS
 
 GOAL_PERIOD_S = 0.02
 """Points of the goal for an action server: it interpolates between them."""
-TOPIC = "/joint_trajectory"
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
@@ -72,16 +66,10 @@ def write_goal(path: Path, names: tuple[str, ...], motion: Motion) -> None:
     path.write_text(yaml.safe_dump(goal, default_flow_style=None, sort_keys=False), encoding="utf-8")
 
 
-def write_bag(path: Path, names: tuple[str, ...], motion: Motion) -> None:
-    """Write the trajectory as the one message of an MCAP file; `ros2 bag play` sends it."""
-    with path.open("wb") as stream, Writer(stream) as writer:
-        schema = writer.register_msgdef(TRAJECTORY, find_definition(TRAJECTORY).text)
-        period = float(motion.times[1] - motion.times[0])
-        writer.write_message(TOPIC, schema, trajectory_message(names, motion, period), log_time=0, publish_time=0)
-
-
-def certificate_data(certificate: Certificate, motion: Motion, given_s: float) -> dict[str, Any]:
-    """Return the numbers of a certificate."""
+def certificate_data(
+    certificate: Certificate, motion: Motion, given_s: float | None, deviation: float
+) -> dict[str, Any]:
+    """Return the numbers of a certificate; given_s: None for a path without times."""
     return {
         "holds": certificate.holds,
         "arrival_s": float(motion.times[-1]),
@@ -90,29 +78,9 @@ def certificate_data(certificate: Certificate, motion: Motion, given_s: float) -
         "margin": certificate.margin,
         "peak_share": certificate.peak_share,
         "peak_at_s": float(motion.times[int(certificate.loads.argmax())]),
+        "deviation": deviation,
         "samples": len(motion.times),
     }
-
-
-def draw(certificate: Certificate, motion: Motion) -> Figure:
-    """Return the plot: share of the friction, and speed of the pad, over time."""
-    figure = Figure(figsize=(8.0, 5.0), layout="constrained")
-    share, speed = figure.subplots(2, 1, sharex=True)
-    share.plot(motion.times, 100.0 * certificate.loads / certificate.limit, color="tab:blue")
-    share.axhline(100.0 * certificate.margin, color="tab:orange", label="margin")
-    share.axhline(100.0, color="tab:red", label="friction limit")
-    share.set_ylabel("load [% of friction]")
-    share.legend(loc="lower right")
-    speed.plot(motion.times, [1e3 * np.linalg.norm(pad.twist[:3]) for pad in motion.pads], color="tab:blue")
-    speed.set_ylabel("pad speed [mm/s]")
-    speed.set_xlabel("time [s]")
-    return figure
-
-
-def write_page(path: Path, title: str, data: dict[str, float | int | bool], figure: Figure) -> None:
-    """Write certificate and plot as one self-contained HTML file."""
-    rows = [(name, f"{value:.6g}" if isinstance(value, float) else str(value)) for name, value in data.items()]
-    path.write_text(document(title, table(("number", "value"), rows), drawn(figure)), encoding="utf-8")
 
 
 def _duration(seconds: float) -> dict[str, int]:

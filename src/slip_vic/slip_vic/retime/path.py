@@ -1,7 +1,13 @@
-"""Paths to retime: of joints or of the pad, from CSV files and bags, as smooth curves over their own time."""
+"""Paths to retime: of joints or of the pad, from CSV files and bags, as smooth curves between their rests.
+
+The geometry comes from the points alone: each section between two rests is a spline over its chord length. Of the given
+times only the duration of a section and the waits between sections count.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,10 +23,12 @@ from slip_vic_controller.law.rotation import left_jacobian, left_jacobian_rate
 from slip_vic_controller.path.joint_path import POSE_COLUMNS, JointPath, PadMotion, Points, checked, spline
 
 TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
+REST_STEP = 1e-6
+"""Step between two points below which the path rests [m, rad] (ours: less than any encoder resolves)."""
 
 
 def read_points(path: Path, topic: str = "") -> Points:
-    """Read a path: a CSV file with a column `time` [s], or a bag with a JointTrajectory.
+    """Read a path: a CSV file, or a bag with a JointTrajectory; without a column `time` [s] its times are empty.
 
     The other columns are joint positions by joint name [rad], or the pad's pose: x y z [m], qx qy qz qw.
 
@@ -29,9 +37,106 @@ def read_points(path: Path, topic: str = "") -> Points:
         topic: of the trajectory in a bag; empty where there is only one.
 
     Raises:
-        InputError: not such a file, or times and numbers that make no path.
+        InputError: not such a file, or numbers that make no path.
     """
-    return checked(_from_csv(path) if path.suffix == ".csv" else _from_bag(path, topic), str(path))
+    points = _from_csv(path) if path.suffix == ".csv" else _from_bag(path, topic)
+    if len(points.times):
+        _check_times(points, str(path))
+        points = Points(points.times - points.times[0], points.values, points.names)
+    checked(Points(np.arange(len(points.values), dtype=float), points.values, points.names), str(path))
+    return points
+
+
+def _check_times(points: Points, what: str) -> None:
+    """Refuse times that run backwards, or that are equal at two different poses."""
+    wrong = ~(np.diff(points.times) > 0.0) & ((np.diff(points.times) != 0.0) | (chords(points) > REST_STEP))
+    if wrong.any():
+        row = int(np.argmax(wrong)) + 2
+        raise InputError(f"path {what}", got=f"time {points.times[row - 1]} in row {row}", expected="growing times")
+
+
+def chords(points: Points, radius: float = 1.0) -> Array:
+    """Return the lengths of the steps between points; (m - 1,) [rad], or [m] of the pad.
+
+    radius: at which a turn of the pad counts [m].
+    """
+    values = points.values
+    if not points.of_pad:
+        return np.linalg.norm(np.diff(values, axis=0), axis=1)
+    first, second = values[:-1, 3:], values[1:, 3:]
+    half = np.minimum(np.linalg.norm(second - first, axis=1), np.linalg.norm(second + first, axis=1))
+    return np.hypot(np.linalg.norm(np.diff(values[:, :3], axis=0), axis=1), 2.0 * radius * half)
+
+
+@dataclass(frozen=True)
+class Section:
+    """A stretch of a path between two rests.
+
+    points: over an own time in which the path starts and ends at rest. wait_s: how long it rests at its end [s].
+    """
+
+    points: Points
+    wait_s: float
+
+
+def sections(points: Points, radius: float) -> list[Section]:
+    """Return the sections of a path between its rests; what rests before its start or after its end is left out.
+
+    Args:
+        points: as given; a section of a path without times has an own time of 1 s.
+        radius: at which a turn of the pad counts [m].
+
+    Raises:
+        InputError: a path that does not move.
+    """
+    steps = chords(points, radius)
+    moving = np.concatenate(([False], steps > REST_STEP, [False]))
+    begins, ends = np.flatnonzero(np.diff(moving.astype(int)) > 0), np.flatnonzero(np.diff(moving.astype(int)) < 0)
+    if not len(begins):
+        raise InputError("path", got="points that are all the same", expected="a path that moves")
+    found = []
+    for k, (begin, end) in enumerate(zip(begins, ends, strict=True)):
+        at = np.concatenate(([0.0], np.cumsum(steps[begin:end])))
+        timed, last = len(points.times) > 0, k == len(begins) - 1
+        duration = float(points.times[end] - points.times[begin]) if timed else 1.0
+        wait = float(points.times[begins[k + 1]] - points.times[end]) if timed and not last else 0.0
+        own = Points(duration * smooth_time(at / at[-1]), points.values[begin : end + 1], points.names)
+        found.append(Section(own, wait))
+    return found
+
+
+def smooth_time(share: Array) -> Array:
+    """Return at which share of its time a motion of least jerk has gone a share of its length.
+
+    The inverse of 10 x^3 - 15 x^4 + 6 x^5 by bisection.
+
+    Implements: ours: a path that rests at both ends, whatever the times of its points.
+    """
+    low, high = np.zeros(len(share)), np.ones(len(share))
+    for _ in range(53):  # one bit of a double each
+        middle = 0.5 * (low + high)
+        short = middle**3 * (10.0 - 15.0 * middle + 6.0 * middle**2) < share
+        low, high = np.where(short, middle, low), np.where(short, high, middle)
+    low[0], low[-1] = 0.0, 1.0
+    return low
+
+
+def in_order(points: Points, names: Sequence[str]) -> Points:
+    """Return points with their columns in another order."""
+    return Points(points.times, points.values[:, [points.names.index(name) for name in names]], tuple(names))
+
+
+def deviation(points: Points, motion: Array) -> float:
+    """Return the largest distance of a motion (m, n) from the straight lines between its points [rad], or [m]."""
+    columns = slice(0, 3) if points.of_pad else slice(None)
+    given, rows = points.values[:, columns], motion[:, columns]
+    starts, along = given[:-1], np.diff(given, axis=0)
+    squares = np.maximum((along**2).sum(axis=1), np.finfo(float).tiny)
+    largest = 0.0
+    for row in rows:
+        share = np.clip(((row - starts) * along).sum(axis=1) / squares, 0.0, 1.0)
+        largest = max(largest, float(np.linalg.norm(starts + share[:, None] * along - row, axis=1).min()))
+    return largest
 
 
 def _from_csv(path: Path) -> Points:
@@ -43,15 +148,14 @@ def _from_csv(path: Path) -> Points:
         raise InputError(
             f"path {path}", got=type(error).__name__, expected="a CSV file with a header line", fix=str(error)
         ) from None
-    if "time" not in table.columns:
-        raise InputError(f"path {path}", got=f"columns {list(table.columns)}", expected="a column `time` [s]")
     others = [name for name in table.columns if name != "time"]
     names = POSE_COLUMNS if set(others) == set(POSE_COLUMNS) else tuple(others)
     try:
-        numbers = table[["time", *names]].to_numpy(dtype=np.float64)
+        numbers = table[list(names)].to_numpy(dtype=np.float64)
+        times = table["time"].to_numpy(dtype=np.float64) if "time" in table.columns else np.empty(0)
     except ValueError as error:
         raise InputError(f"path {path}", got=str(error), expected="numbers") from None
-    return Points(numbers[:, 0], numbers[:, 1:], names)
+    return Points(times, numbers, names)
 
 
 def _from_bag(path: Path, topic: str) -> Points:

@@ -73,7 +73,6 @@ class Launcher:
         namespace: ROS namespace of all nodes.
         process: cores, priority and memory of bridge and controller: one core for both, or the bridge's and the
             controller's; without cores, in real time the last two.
-        one_process: bridge and controller in one process, lockstep only; their topics stay real.
 
     Raises:
         InputError: parameters and URDF that do not fit, a bag folder that is taken, a domain out of range.
@@ -88,7 +87,6 @@ class Launcher:
         wanted_domain: int | None = None,
         namespace: str = "",
         process: ProcessOptions = NO_OPTIONS,
-        one_process: bool = False,
     ) -> None:
         self._scenario = scenario
         self._bag = bag
@@ -97,7 +95,6 @@ class Launcher:
         self._wanted_domain = domain_from_environment() if wanted_domain is None else check_domain(wanted_domain)
         self._namespace = f"/{namespace.strip('/')}" if namespace else ""
         self._process = _with_cores(process, scenario.arms[0][1].mode)
-        self._one_process = one_process
         self.warnings: list[str] = []
         self._incidents: list[Incident] = []
         self._stop = StopFlag()
@@ -107,10 +104,6 @@ class Launcher:
                 "--law leader_follower", got="nodes on DDS", expected="both sides in one process", fix="--in-process"
             )
         scenario.check()
-        if one_process and scenario.arms[0][1].mode == "realtime":
-            raise InputError(
-                "--one-process", got="mode realtime", expected="mode lockstep: real time needs both processes"
-            )
         if bag is not None:
             _check_new_folder(bag)
 
@@ -154,17 +147,13 @@ class Launcher:
             "controller": parameter_arguments("controller", controller, folder),
             "bridge": parameter_arguments("bridge", bridge, folder),
         }
-        if self._one_process:
-            order.append(("bridge", self._command(MODULES["both"], *arguments.values())))
-        else:
-            order += [(name, self._command(MODULES[name], words, node=name)) for name, words in arguments.items()]
+        order += [(name, self._command(name, words)) for name, words in arguments.items()]
         children = {name: group.start(name, argv, environment, self.note) for name, argv in order}
         self._wait(
             group, lambda: children["bridge"].last(Started) is not None, READY_TIMEOUT_S, "the processes to get ready"
         )
         self._wait(group, lambda: children["bridge"].exit_code is not None, None, "")
-        if not self._one_process:
-            group.stop([children["controller"]])
+        group.stop([children["controller"]])
         if recording:
             group.stop([children["recorder"]])
         group.check()
@@ -172,9 +161,9 @@ class Launcher:
         self._on_progress(result.sim_time_s)
         return result
 
-    def _command(self, module: str, *arguments: list[str], node: str = "") -> list[str]:
-        """Return the command of a process with nodes; scheduling is set before its module is imported."""
-        words = ["--ros-args", *(word for part in arguments for word in part)]
+    def _command(self, node: str, arguments: list[str]) -> list[str]:
+        """Return the command of a node's process; scheduling is set before its module is imported."""
+        module, words = MODULES[node], ["--ros-args", *arguments]
         if self._namespace:
             words += ["-r", f"__ns:={self._namespace}"]
         cores = self._process.cpus

@@ -12,7 +12,7 @@ from slip_vic.run.processes import python_module
 from slip_vic.run.recording import recorder_command
 from slip_vic.scenarios.scenario import NODES, Law, Mode, Scenario, load_scenario, ros_parameter_file
 
-MODULES: Final = {**{name: f"{node}.main" for name, (node, _) in NODES.items()}, "both": "slip_vic.run.both_nodes"}
+MODULES: Final = {name: f"{node}.main" for name, (node, _) in NODES.items()}
 """What runs as a process."""
 
 
