@@ -21,7 +21,7 @@ from slip_vic import __version__
 from slip_vic.benchmark.cli import benchmark
 from slip_vic.options import ALLOW_FAULT, DOMAIN_ID, IN_PROCESS, SCENARIOS, Choice, choosing, end_with, out_option
 from slip_vic.page.cli import report, watch
-from slip_vic.replay.cli import references, verify
+from slip_vic.replay.cli import verify
 from slip_vic.retime.cli import retime
 from slip_vic.setup.cli import arm, bringup, identify
 from slip_vic.study.cli import check, merge, study, tune
@@ -209,7 +209,6 @@ def params(scenarios: tuple[str, ...], out: Path, complete: bool, reference: boo
 
 
 bag.add_command(verify)
-bag.add_command(references)
 cli.add_command(arm)
 cli.add_command(bag)
 cli.add_command(benchmark)

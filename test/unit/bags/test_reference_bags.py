@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from slip_bags.reader import Bag
-from slip_vic.replay.references import LARGEST_BYTES, Reference, references
 from slip_vic.replay.run_data import read_run
 from slip_vic.replay.verify import verify_run
 from slip_vic.run.in_process import run_in_process
 from slip_vic.run.judge import judge
 from slip_vic.run.series import read_series
 from slip_vic.run.track import Track
+from tools.reference_bags import LARGEST_BYTES, Reference, references
 
 BAGS = Path(__file__).parents[3] / "bags"
 REFERENCES = references()

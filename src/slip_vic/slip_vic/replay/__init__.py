@@ -1,1 +1,1 @@
-"""Run the controller again on recorded inputs, compare every effort, and make the reference bags."""
+"""Run the controller again on recorded inputs, and compare every command."""

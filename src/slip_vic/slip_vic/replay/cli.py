@@ -1,12 +1,10 @@
-"""``slip-vic bag verify`` and ``references``: what knows the controller."""
+"""``slip-vic bag verify``."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import click
-
-from slip_vic.options import out_option
 
 
 @click.command()
@@ -38,12 +36,3 @@ def verify(bag_path: Path, assignments: tuple[str, ...]) -> None:
         for note in notes:
             click.echo(f"note: {note}")
         raise click.exceptions.Exit(1)
-
-
-@click.command()
-@out_option("bags", "folder of the bags")
-def references(out: Path) -> None:
-    """Record the repository's reference bags again; they replace the old ones when all are verified."""
-    from slip_vic.replay.references import make_references
-
-    make_references(out, click.echo)

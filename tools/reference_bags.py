@@ -1,9 +1,13 @@
-"""The reference bags of the repository: short runs of all laws, recorded over DDS."""
+"""Record the reference bags of the repository again: short runs of all laws, over DDS; verified before they replace.
+
+python tools/reference_bags.py [FOLDER]
+"""
 
 from __future__ import annotations
 
 import math
 import shutil
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +25,7 @@ from slip_vic.scenarios import scenario_names
 from slip_vic.scenarios.scenario import Estimator, Law, Scenario, load_scenario
 
 SEED: Final = 0
-COMMAND: Final = "slip-vic bag references"
+COMMAND: Final = "python tools/reference_bags.py"
 LARGEST_BYTES: Final = 2_000_000
 OF_AN_ARM: Final = ("joint_states", "controller/ledger", "slip_truth")
 """Topics with a message in every tick, beside the command, the clock and the object's state."""
@@ -178,3 +182,7 @@ def _readme(rows: list[str]) -> str:
             "",
         ]
     )
+
+
+if __name__ == "__main__":
+    make_references(Path(sys.argv[1] if len(sys.argv) > 1 else "bags"), print)
