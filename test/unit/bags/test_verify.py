@@ -16,7 +16,6 @@ from slip_vic.replay.run_data import read_run
 from slip_vic.replay.verify import verify_run
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.safety.modes import Mode
-from test.support.every import every
 from test.support.run_maker import TOPICS, attachments, record_run
 
 SCENARIOS = ("paper_planar", "vertical_plane", "glass_transport")
@@ -55,7 +54,7 @@ def test_lockstep_runs_are_identical(tmp_path, name, controller):
     assert result.text() == f"identical: {CYCLES} cycles, {7 * CYCLES} efforts, to the last bit"
 
 
-@every("kind", ["flag", "displacement"])
+@pytest.mark.parametrize("kind", ["flag", "displacement"])
 def test_runs_with_other_slip_sensors_are_identical(tmp_path, kind):
     loaded = load_scenario(
         "paper_planar",

@@ -9,7 +9,6 @@ import pytest
 
 from slip_description import urdf_text
 from slip_vic.cli import main
-from test.support.every import every
 
 URDF_WITHOUT_EE = urdf_text().replace('"ee"', '"tip"')
 
@@ -72,7 +71,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-@every("name", MISTAKES)
+@pytest.mark.parametrize("name", MISTAKES)
 def test_a_mistake_is_one_line_and_exit_code_2(
     name: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -12,7 +12,6 @@ from slip_vic.presets import preset_names
 from slip_vic.presets.models import load_drive
 from slip_vic.scenarios.scenario import apply_drive, drive_assignments, load_scenario
 from slip_vic_controller.params.node_params import ControllerNodeParams
-from test.support.every import every
 
 NAMES = preset_names("drives")
 KNOWN = {info.name for info in parameter_infos(ControllerNodeParams)}
@@ -22,7 +21,7 @@ def test_the_names_are_those_of_the_page() -> None:
     assert set(NAMES) == {"ideal", "torque_joint", "motor_current", "velocity_500", "velocity_125", "position_250"}
 
 
-@every("name", NAMES)
+@pytest.mark.parametrize("name", NAMES)
 def test_every_preset_says_what_it_is_and_where_its_numbers_are_from(name: str) -> None:
     preset = load_drive(name)
     assert preset.description.endswith(".")
@@ -33,7 +32,7 @@ def test_ideal_drives_are_the_defaults() -> None:
     assert load_scenario("paper_planar", drive="ideal") == load_scenario("paper_planar")
 
 
-@every("name", NAMES)
+@pytest.mark.parametrize("name", NAMES)
 def test_both_nodes_are_configured(name: str) -> None:
     loaded, preset = load_scenario("paper_planar", drive=name), load_drive(name)
     assert loaded.bridge.drive == preset.drive
@@ -48,7 +47,7 @@ def test_both_nodes_are_configured(name: str) -> None:
     assert all(arm.drive == preset.drive for arm in pair.bridges.values())
 
 
-@every("joints", (5, 6, 7, 9))
+@pytest.mark.parametrize("joints", [5, 6, 7, 9])
 def test_lists_fit_an_arm_of_any_size(joints: int) -> None:
     values = {"controller": {}, "bridge": {"joint_names": [f"joint_{i}" for i in range(joints)]}}
     apply_drive(values, load_drive("motor_current"))

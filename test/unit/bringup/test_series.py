@@ -28,4 +28,4 @@ def test_messages_that_a_recorder_missed_leave_series_of_one_length(tmp_path: Pa
     kept = np.setdiff1d(np.arange(len(whole.time)), (300, 301, 700))
     assert np.array_equal(cut.time, whole.time[kept])
     assert np.array_equal(cut.slip_displacement, whole.slip_displacement[kept])
-    assert np.array_equal(cut.grasp_position, whole.grasp_position[kept])
+    assert np.array_equal(cut.object_position, whole.object_position[kept])

@@ -8,8 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from test.support.every import every
-
 SRC = Path(__file__).parents[3] / "src"
 ROS = {"rclpy", "rcl_interfaces", "std_srvs", "lifecycle_msgs"} | {
     f"{m}_msgs" for m in ("std", "geometry", "sensor", "nav", "diagnostic", "rosgraph", "trajectory")
@@ -197,7 +195,7 @@ def test_every_module_is_covered() -> None:
     assert [module for module, _ in modules() if not rule_of(module)] == []
 
 
-@every("module, path", modules())
+@pytest.mark.parametrize(("module", "path"), modules())
 def test_module_imports_only_what_its_layer_may(module: str, path: Path) -> None:
     assert violations(module, path.read_text()) == []
 

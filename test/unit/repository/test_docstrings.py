@@ -4,7 +4,7 @@ import ast
 import re
 from pathlib import Path
 
-from test.support.every import every
+import pytest
 
 SRC = Path(__file__).parents[3] / "src/slip_vic_controller/slip_vic_controller"
 FOLDERS = ("law", "observer", "reference", "safety")
@@ -30,7 +30,7 @@ def equations(text: str) -> set[int]:
     return {int(number) for line in lines for number in re.findall(r"\((\d+)\)", line)}
 
 
-@every("path", FILES)
+@pytest.mark.parametrize("path", FILES)
 def test_public_formulas_say_what_they_do(path: Path) -> None:
     assert undocumented(path.read_text()) == []
 

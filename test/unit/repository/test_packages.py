@@ -14,7 +14,6 @@ import yaml
 
 import slip_vic
 from slip_core.topics import TOPICS
-from test.support.every import every
 
 SRC = Path(__file__).parents[3] / "src"
 PACKAGES = sorted(path.name for path in SRC.iterdir() if (path / "setup.py").exists())
@@ -118,18 +117,18 @@ def test_the_run_script_installs_every_package_after_what_it_needs() -> None:
         assert needed(name) & set(PACKAGES) <= set(order[:position]), name
 
 
-@every("name", PACKAGES)
+@pytest.mark.parametrize("name", PACKAGES)
 def test_setup_declares_what_is_imported(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     declared = set(setup_arguments(name, monkeypatch)["install_requires"])
     assert declared == {"setuptools"} | wheels(needed(name))
 
 
-@every("name", PACKAGES)
+@pytest.mark.parametrize("name", PACKAGES)
 def test_package_xml_declares_what_is_imported(name: str) -> None:
     assert {node.text for node in package_xml(name).findall("exec_depend")} == ros_keys(needed(name))
 
 
-@every("name", PACKAGES)
+@pytest.mark.parametrize("name", PACKAGES)
 def test_rosdep_has_every_key_and_the_description_says_what_it_has_not(name: str) -> None:
     """`rosdep install` ends at the first key that it does not have."""
     root = package_xml(name)
@@ -140,7 +139,7 @@ def test_rosdep_has_every_key_and_the_description_says_what_it_has_not(name: str
     assert {word for word in said.split(", ") if word} == alone
 
 
-@every("name", PACKAGES)
+@pytest.mark.parametrize("name", PACKAGES)
 def test_everyone_is_named_once_in_the_same_way(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     root, arguments, whole = package_xml(name), setup_arguments(name, monkeypatch), project()["project"]
     keeper = root.find("maintainer")
@@ -152,7 +151,7 @@ def test_everyone_is_named_once_in_the_same_way(name: str, monkeypatch: pytest.M
     assert arguments["description"] == described
 
 
-@every("name", PACKAGES)
+@pytest.mark.parametrize("name", PACKAGES)
 def test_every_package_has_a_short_page(name: str) -> None:
     text = (SRC / name / "README.md").read_text()
     assert text.startswith(f"# {name}\n")
@@ -188,7 +187,7 @@ def test_imports_are_found_wherever_they_stand() -> None:
     assert ros_keys({"numpy", "mcap", "rclpy", "slip_core"}) == {"python3-numpy", "rclpy", "slip_core"}
 
 
-@every("name", PACKAGES)
+@pytest.mark.parametrize("name", PACKAGES)
 def test_package_xml_is_a_format_3_ament_python_package(name: str) -> None:
     root = package_xml(name)
     assert root.tag == "package"
@@ -200,7 +199,7 @@ def test_package_xml_is_a_format_3_ament_python_package(name: str) -> None:
     assert root.findtext("export/build_type") == "ament_python"
 
 
-@every("name", PACKAGES)
+@pytest.mark.parametrize("name", PACKAGES)
 def test_package_has_what_ament_needs(name: str) -> None:
     folder = SRC / name
     assert (folder / "resource" / name).is_file()

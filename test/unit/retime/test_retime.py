@@ -26,7 +26,6 @@ from slip_vic.scenarios.reach import pad_path
 from slip_vic.scenarios.scenario import Scenario, load_scenario
 from slip_vic_controller.path.joint_path import POSE_COLUMNS, JointPath, PadMotion, Points
 from slip_vic_controller.path.retiming import HELD_OBJECT
-from test.support.every import every
 
 CLOSE = 0.02
 """Share of the arrival in closed loop: a promise of the command."""
@@ -91,7 +90,9 @@ def load_by_mujoco(loaded: Scenario, motion: Motion) -> Array:
     return np.array(loads)
 
 
-@every("name, timing", [*((name, "slow_down") for name in SCENARIOS), ("glass_transport", "time_optimal")])
+@pytest.mark.parametrize(
+    ("name", "timing"), [*((name, "slow_down") for name in SCENARIOS), ("glass_transport", "time_optimal")]
+)
 def test_arrival_is_that_of_the_closed_loop_and_no_load_is_above_the_margin(name: str, timing: str) -> None:
     loaded = scenario(name, timing)
     params, controller = governed(loaded, timing)

@@ -26,19 +26,15 @@ def _nothing() -> Array:
 class RunSeries:
     """Arrays of one run; time starts at 0 with the first joint state.
 
-    time (N,) [s]; slip_displacement (N, 6) [m, rad] {p}; slip_velocity (N, 6) pad axes; grasp_position (N, 3) [m]
-    and grasp_rotation (N, 3, 3): the frame {p} that is fixed in the object, {w}; grasp_twist (N, 6) {w};
-    effort (N, n) [N m], NaN without a command; law_time (M,) [s] and law: the controller's scalars by name, (M,) each.
-    arm: its name; wrench (N, 6) of the object on the pad {ee}; object_position (N, 3) [m], object_rotation (N, 3, 3)
-    {w}; internal (N, 6): the wrench with which several arms work against each other, on pad axes; empty with one.
+    time (N,) [s]; slip_displacement (N, 6) [m, rad] {p}; slip_velocity (N, 6) pad axes; effort (N, n) [N m], NaN
+    without a command; law_time (M,) [s] and law: the controller's scalars by name, (M,) each; arm: its name; wrench
+    (N, 6) of the object on the pad {ee}; object_position (N, 3) [m], object_rotation (N, 3, 3) {w}; internal (N, 6):
+    the wrench with which several arms work against each other, on pad axes; empty with one.
     """
 
     time: Array
     slip_displacement: Array
     slip_velocity: Array
-    grasp_position: Array
-    grasp_rotation: Array
-    grasp_twist: Array
     effort: Array
     law_time: Array
     law: dict[str, Array]
@@ -65,7 +61,6 @@ def read_series(path: Path, arm: str = "") -> RunSeries:
         interfaces = [topic for topic in COMMAND_TOPICS if bag.ending(topic, arm) is not None]
         commands = _series(bag, (*interfaces, COMMAND_TOPICS[0])[0], arm)
         scalars = _series(bag, "controller/scalars", arm)
-        ee_pose = _series(bag, "controller/ee_pose", arm)
         bag_wrench, internal = (_maybe(bag, topic, arm) for topic in ("wrench", "internal_wrench"))
     # A recorder on a busy machine may miss a message of one topic: the two go together by their stamps.
     stamps, of_truth, of_object = np.intersect1d(truth.stamps, odometry.stamps, return_indices=True)
@@ -76,19 +71,12 @@ def read_series(path: Path, arm: str = "") -> RunSeries:
     start_ns = stamps[0]
     object_position = odometry.columns("pose.pose.position")[of_object]
     object_rotation = Rotation.from_quat(odometry.columns("pose.pose.orientation")[of_object]).as_matrix()
-    twist = odometry.columns("twist.twist.linear", "twist.twist.angular")[of_object]
-    ee_position = ee_pose.columns("pose.position")[0]
-    ee_rotation = Rotation.from_quat(ee_pose.columns("pose.orientation")[0]).as_matrix()
-    grasp = grasp_in_object(object_position, object_rotation, twist, ee_position, ee_rotation)
     names = [str(name) for name in scalars["name"][0]]
     table = scalars["position"]
     return RunSeries(
         time=(stamps - start_ns) * 1e-9,
         slip_displacement=truth["position"][of_truth],
         slip_velocity=truth["velocity"][of_truth],
-        grasp_position=grasp[0],
-        grasp_rotation=grasp[1],
-        grasp_twist=grasp[2],
         effort=np.array([row for row in commands["effort"] if len(row)]),
         law_time=np.array((scalars.stamps - start_ns) * 1e-9),
         law={name: table[:, i] for i, name in enumerate(names)},
@@ -98,22 +86,6 @@ def read_series(path: Path, arm: str = "") -> RunSeries:
         object_position=object_position,
         object_rotation=object_rotation,
     )
-
-
-def grasp_in_object(
-    position: Array, rotation: Array, twist: Array, ee_position: Array, ee_rotation: Array
-) -> tuple[Array, Array, Array]:
-    """Return pose and twist of {p}, the frame of the pad at the first tick, fixed in the object; {w}.
-
-    Args:
-        position, rotation, twist: of the object; (N, 3) [m], (N, 3, 3), (N, 6) {w}.
-        ee_position, ee_rotation: of the pad at the first tick; (3,) [m], (3, 3) {w}.
-    """
-    o_x_p = rotation[0].T @ (ee_position - position[0])
-    lever = rotation @ o_x_p
-    linear, angular = (np.einsum("nij,nj->ni", rotation, part) for part in (twist[:, :3], twist[:, 3:]))
-    moved = np.hstack([linear + np.cross(angular, lever), angular])
-    return position + lever, rotation @ (rotation[0].T @ ee_rotation), moved
 
 
 def _held_wrench(wrench: Series | None, stamps: NDArray[np.int64]) -> Array:

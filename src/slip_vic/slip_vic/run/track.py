@@ -10,14 +10,14 @@ from slip_core.arrays import Array
 from slip_core.records import place
 from slip_sim_bridge.internal import internal_wrenches
 from slip_vic.run.in_process import Tick
-from slip_vic.run.series import AXES, RunSeries, grasp_in_object
+from slip_vic.run.series import AXES, RunSeries
 from slip_vic.scenarios.scenario import Scenario
 from slip_vic_controller.safety.modes import Mode
 from slip_vic_controller.state import INPUTS, OUTPUTS
 
 SIX = tuple(f"_{axis}" for axis in AXES)
 _PARTS = {
-    "slip": 6, "slip_velocity": 6, "wrench": 6, "object_position": 3, "object_rotation": 9, "object_twist": 6,
+    "slip": 6, "slip_velocity": 6, "wrench": 6, "object_position": 3, "object_rotation": 9,
     "position": 3, "rotation": 9, "desired_position": 3, "desired_rotation": 9, "e": 6,
 }  # fmt: skip
 _POSITION, _ROTATION = place(INPUTS, "arm.position"), place(INPUTS, "arm.rotation")
@@ -68,7 +68,7 @@ class Track:
                 np.concatenate(
                     (
                         truth.slip_displacement, truth.slip_velocity, outputs.readings.wrench.wrench,
-                        truth.position, truth.rotation.ravel(), truth.twist, known[_POSITION], known[_ROTATION],
+                        truth.position, truth.rotation.ravel(), known[_POSITION], known[_ROTATION],
                         answered[_DESIRED_POSITION], answered[_DESIRED_ROTATION], answered[_E],
                     )
                 )
@@ -113,20 +113,12 @@ class Track:
         times = np.array(self._times)
         law = self._law(k, places, evaluated)
         position, rotation = places["object_position"], places["object_rotation"].reshape(-1, 3, 3)
-        first = int(np.argmax(evaluated)) if evaluated.any() else 0
-        grasp = grasp_in_object(
-            position, rotation, places["object_twist"], places["position"][first],
-            places["rotation"][first].reshape(3, 3),
-        )  # fmt: skip
         joints = max((len(effort) for effort in self._efforts[k]), default=0)
         efforts = [effort if len(effort) == joints else np.full(joints, np.nan) for effort in self._efforts[k]]
         return RunSeries(
             time=times - times[0],
             slip_displacement=places["slip"],
             slip_velocity=places["slip_velocity"],
-            grasp_position=grasp[0],
-            grasp_rotation=grasp[1],
-            grasp_twist=grasp[2],
             effort=np.array(efforts).reshape(len(times), joints),
             law_time=times - times[0],
             law=law,
