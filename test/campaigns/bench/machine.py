@@ -11,7 +11,7 @@ import numpy as np
 import psutil
 
 from slip_bags.provenance import cpu_model
-from slip_vic.run.recording import versions
+from slip_vic.run.versions import versions
 
 _LOOP = 20_000
 _STALL_S = 1e-4
@@ -28,7 +28,7 @@ def machine() -> dict[str, Any]:
         "preemption": _preemption(),
         "fifo_permitted": fifo_permitted(),
         "load_average": [round(value, 2) for value in os.getloadavg()],
-        "versions": versions(),
+        "versions": dict(versions()),
     }
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from slip_bags.provenance import provenance
 from slip_vic.replay.replay import Divergence, replay
 from slip_vic.replay.run_data import RecordedRun
-from slip_vic.run.recording import versions
+from slip_vic.run.versions import versions
 
 KINDS = {"effort": "efforts", "velocity": "velocities", "position": "positions"}
 

@@ -24,8 +24,8 @@ from slip_vic.run.judge import Verdict, judge_incidents, measured
 from slip_vic.run.launcher import Launcher
 from slip_vic.run.metrics import summary_rows
 from slip_vic.run.progress import run_progress
-from slip_vic.run.recording import versions
 from slip_vic.run.series import read_series
+from slip_vic.run.versions import versions
 from slip_vic.scenarios.scenario import GOVERNED, Law, Scenario, read_parameters
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ def run_demo(
             runs = _over_dds(loaded, staging, words, console, domain)
             for law, run in runs.items():
                 run["bag"] = str(out / law)
-        summary = {"scenario": shown.name, "seed": choice.seed, "versions": versions(), "runs": runs}
+        summary = {"scenario": shown.name, "seed": choice.seed, "versions": dict(versions()), "runs": runs}
         (staging / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
         table = comparison_table(shown.name, runs)
         _move_in(staging, out)

@@ -5,26 +5,14 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from slip_bags.provenance import PACKAGES
-from slip_bags.provenance import versions as installed_versions
 from slip_core.topics import TOPICS
 from slip_core.types import COMMANDS
 from slip_vic.run.processes import python_module
+from slip_vic.run.versions import versions
 from slip_vic.scenarios.scenario import NODES, Scenario, ros_parameter_file
 from slip_vic_controller.params.node_params import ControllerNodeParams
 
 SLIP_TOPICS = {"slip_velocity": "twist", "slip_displacement": "displacement", "slip_flag": "flag"}
-VERSIONED = (
-    "numpy",
-    "scipy",
-    "numba",
-    "pin",
-    "mujoco",
-    *PACKAGES,
-    "slip-vic",
-    "slip-vic-controller",
-    "slip-sim-bridge",
-)
 
 
 def recorded_topics(scenario: Scenario) -> list[tuple[str, str]]:
@@ -57,11 +45,6 @@ def _absent(controller: ControllerNodeParams) -> set[str]:
     return absent
 
 
-def versions() -> dict[str, str]:
-    """Return the versions of Python and of the packages that a result depends on."""
-    return installed_versions(VERSIONED)
-
-
 def recorder_command(scenario: Scenario, bag: Path, folder: Path, namespace: str) -> list[str]:
     """Return the command of the recorder process; attachments are written into `folder` first."""
     attachments = {**scenario.descriptions, "scenario.yaml": scenario.text}
@@ -77,7 +60,7 @@ def recorder_command(scenario: Scenario, bag: Path, folder: Path, namespace: str
         "scenario": scenario.name,
         "law": scenario.law,
         "seed": str(scenario.seed),
-        "versions": json.dumps(versions()),
+        "versions": json.dumps(dict(versions())),
     }
     for key, value in custom.items():
         arguments += ["--custom-data", f"{key}={value}"]
