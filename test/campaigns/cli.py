@@ -1,4 +1,4 @@
-"""``./run faults``, ``./run soak``, ``./run bench``: campaigns and measurements, for developers."""
+"""``./run faults``, ``./run soak``, ``./run bench``, ``./run frozen``: campaigns and measurements, for developers."""
 
 from __future__ import annotations
 
@@ -9,15 +9,16 @@ import click
 from slip_bags.cli import run_command
 from test.campaigns.bench.cli import bench
 from test.campaigns.faults.cli import faults
+from test.campaigns.frozen.cli import frozen
 from test.campaigns.soak.cli import soak
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
 def campaigns() -> None:
-    """Faults, long runs and benchmarks."""
+    """Faults, long runs, benchmarks and the frozen judge."""
 
 
-for command in (bench, faults, soak):
+for command in (bench, faults, frozen, soak):
     campaigns.add_command(command)
 
 

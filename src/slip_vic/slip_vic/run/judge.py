@@ -24,7 +24,7 @@ from slip_vic.scenarios.scenario import Scenario
 Outcome = Literal["ok", "lost", "fault", "refused", "saturated", "held", "crashed"]
 """lost: the object left a pad, the pad left its path, or the simulation has no numbers any more. fault: the controller
 gave up. refused: parameters that do not fit, or a path that cannot be followed. saturated: the arm has not the effort.
-held: the mode machine stopped the law for a while. crashed: a process died."""
+held: the law never began, or the mode machine stopped it for a while. crashed: a process died."""
 
 LOST_ERROR_M: Final = 1.0
 """Tracking error from which on a run counts as lost."""
@@ -111,7 +111,7 @@ def judge(ticks: Iterable[Tick], track: Track) -> Verdict:
         track: takes every tick in.
     """
     outcome: Outcome = "ok"
-    reason, begun = "", False
+    reason, begun, waits = "", False, None
     try:
         for tick in ticks:
             track.add(tick)
@@ -125,10 +125,14 @@ def judge(ticks: Iterable[Tick], track: Track) -> Verdict:
                         break
                 elif begun and outcome == "ok":
                     outcome, reason = "held", f"{tick.time_s:.3f} s: {result.reason}"
+                elif not begun:
+                    waits = result
             if outcome in _ENDS:
                 break
     except DivergenceError as failure:
         outcome, reason = "lost", str(failure)
+    if waits is not None and not begun and outcome == "ok":
+        outcome, reason = "held", f"the law never began: {waits.reason}"
     if not track.ticks:
         return Verdict(outcome, reason)
     return measured(track.scenario, track.series(), outcome, reason)

@@ -19,6 +19,8 @@ SOURCES = (
     "slip_sim_bridge",
     "slip_vic/run",
     "slip_vic/scenarios/scenario.py",
+    "slip_vic/experiments/world.py",
+    "slip_vic/experiments/run.py",
     "slip_vic/study/cases.py",
     "slip_vic/study/run_case.py",
     "slip_vic/study/lottery.py",

@@ -1,0 +1,1 @@
+"""Experiments: worlds that differ from the configuration, laws in them, and rows, tables and pictures of the runs."""

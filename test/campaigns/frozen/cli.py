@@ -1,0 +1,63 @@
+"""``./run frozen run`` and ``./run frozen compare``."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import click
+
+from slip_vic.options import end_with, names
+from slip_vic.study.cli import shard
+
+
+@click.group()
+def frozen() -> None:
+    """Run this checkout in the frozen worlds, and say whether it does worse than the code they were frozen with."""
+
+
+@frozen.command()
+@click.option("--set", "prefix", default="", help="sets whose names begin so, e.g. one_arm_20261201; default all four")
+@click.option("--law", "laws", default="classical,vic,governed,governed_follow", show_default=True)
+@click.option("--jobs", type=click.IntRange(1), default=os.cpu_count() or 1, help="parallel processes")
+@click.option("--shard", default="1/1", callback=shard, metavar="I/N", help="every N-th world from the I-th on")
+@click.option(
+    "-o", "--out", type=click.Path(path_type=Path), required=True, help="CSV file; one that has rows continues"
+)
+def run(*, prefix: str, laws: str, jobs: int, shard: tuple[int, int], out: Path) -> None:
+    """Run the frozen worlds under laws of the controller."""
+    from slip_core.errors import UnknownName
+    from slip_vic.experiments.rows import Asked, Plan, RowFile
+    from slip_vic.experiments.run import OWN_LAWS
+    from slip_vic.experiments.runner import fill
+    from slip_vic.run.versions import versions
+    from test.campaigns.frozen.worlds import frozen_worlds
+
+    for law in names(laws):
+        if law not in OWN_LAWS:
+            raise UnknownName("law", law, OWN_LAWS)
+    first, shards = shard
+    asked = Asked(tuple(frozen_worlds(prefix)[first - 1 :: shards]), names(laws))
+    with RowFile(out, Plan(versions(), (asked,))) as file:
+        there, deaths = fill(file, "frozen", asked.tasks(), versions(), "pool", jobs)
+    click.echo(f"{there} of {len(asked.tasks())} runs were there already, {deaths} workers died; {out}")
+
+
+@frozen.command()
+@click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path, exists=True))
+def compare(files: tuple[Path, ...]) -> None:
+    """Compare the rows of FILES (shards too) with the frozen ones; exit code 1 where a law does worse."""
+    from rich.console import Console
+
+    from slip_vic.experiments.rows import read_rows
+    from test.campaigns.frozen.compare import compare as compared
+    from test.campaigns.frozen.compare import table_of, verdict
+    from test.campaigns.frozen.worlds import base_rows
+
+    rows = [row for file in files for row in read_rows(file)]
+    lines = compared(base_rows(), rows)
+    compared_runs = sum(line.worlds for line in lines if not line.name.endswith(", all"))
+    Console(width=max(Console().width, 200)).print(table_of(lines))
+    worse = verdict(lines)
+    click.echo(f"{compared_runs} of {len(rows)} runs have a frozen row; verdict: {'WORSE' if worse else 'not worse'}")
+    end_with(worse, allowed=False)

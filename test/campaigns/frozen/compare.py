@@ -1,0 +1,170 @@
+"""Rows of this checkout against those of the frozen judge, in equal worlds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from rich.table import Table
+
+from slip_vic.experiments.rows import Row
+from slip_vic.experiments.run import LOST
+from slip_vic.experiments.statistics import clopper_pearson, mcnemar
+
+SHORT_M: Final = 0.02
+"""A run that keeps the object and ends farther from its goal is short [m]."""
+GREW_M: Final = 3e-4
+"""Slip path by which a run counts as grown [m]."""
+VIC_M: Final = 8e-3
+"""Slip path up to which `vic` may grow on drives with loops, gears or delays of their own [m]."""
+VIC_DRIVES: Final = ("ideal", "torque_joint")
+"""Drives on which `vic` is judged as the other laws are."""
+GROWN_SHARE: Final = 0.05
+LATER: Final = 1.05
+"""Largest median ratio of arrivals."""
+LEVEL: Final = 0.05
+"""Level of McNemar's test."""
+KINDS: Final = ("lost", "short", "held", "refused")
+ONE_ARM: Final = "one_arm"
+
+
+def kind_of(row: Row) -> str:
+    """Return lost, short, held, refused, or kept.
+
+    held: the law never began. A run that was stopped in between and reached its goal all the same is kept.
+    """
+    if row["outcome"] in LOST:
+        return "lost"
+    if row["outcome"] == "refused":
+        return "refused"
+    off_goal = float(row["off_goal_m"])
+    if math.isnan(off_goal):
+        return "held"
+    return "short" if off_goal > SHORT_M else "kept"
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """One law in one set: how often each kind came before and now, and what changed in equal worlds.
+
+    grown, kept: worlds that both keep whose slip path grew too much, of how many. later: median ratio of arrivals in
+    worlds where both arrive, with how many. p_*: of McNemar's test; not_carried: everything that is not kept.
+    """
+
+    name: str
+    law: str
+    worlds: int
+    before: dict[str, int]
+    now: dict[str, int]
+    p_lost: float
+    p_lost_or_short: float
+    p_not_carried: float
+    grown: int
+    kept: int
+    later: float
+    arrived: int
+
+    @property
+    def worse(self) -> list[str]:
+        """Why it is worse, empty where it is not."""
+        tests = (
+            ("lost", self.p_lost, ("lost",)),
+            ("lost or short", self.p_lost_or_short, ("lost", "short")),
+            ("not carried", self.p_not_carried, KINDS),
+        )
+        found = [
+            f"{name}: p {p:.2g}"
+            for name, p, kinds in tests
+            if p < LEVEL and sum(self.now[kind] for kind in kinds) > sum(self.before[kind] for kind in kinds)
+        ]
+        if self.kept and self.grown > GROWN_SHARE * self.kept:
+            found.append(f"slip path grew in {self.grown} of {self.kept}")
+        if self.law.startswith("governed") and self.later > LATER:
+            found.append(f"arrives {100.0 * (self.later - 1.0):.0f} % later")
+        return found
+
+
+def compare(before: Iterable[Row], now: Iterable[Row]) -> list[Line]:
+    """Return a line for each set and law that both have, and for each law in all worlds with one arm."""
+    known = {(row["set"], row["world"], row["law"]): row for row in before}
+    pairs = [
+        (known[key], row) for row in now if (key := (row["set"], row["world"], row["law"])) in known
+    ]  # fmt: skip
+    sets = sorted({row["set"] for _, row in pairs})
+    laws = list(dict.fromkeys(row["law"] for _, row in pairs))
+    groups = [(name, [pair for pair in pairs if pair[1]["set"] == name]) for name in sets]
+    if sum(name.startswith(ONE_ARM) for name in sets) > 1:
+        groups.append((f"{ONE_ARM}, all", [pair for pair in pairs if pair[1]["set"].startswith(ONE_ARM)]))
+    lines = []
+    for name, members in groups:
+        for law in laws:
+            own = [pair for pair in members if pair[1]["law"] == law]
+            lines += [line_of(name, law, own)] if own else []
+    return lines
+
+
+def line_of(name: str, law: str, pairs: Sequence[tuple[Row, Row]]) -> Line:
+    """Return the line of a law; pairs: rows before and now, of equal worlds.
+
+    `vic` is tested for what it loses on `VIC_DRIVES` alone; on others its slip path may grow up to `VIC_M`.
+    """
+    kinds = [(kind_of(before), kind_of(now)) for before, now in pairs]
+    tested = [k for k, (row, _) in enumerate(pairs) if law != "vic" or row["drive"] in VIC_DRIVES]
+
+    def p(among: Sequence[str]) -> float:
+        apart = [(kinds[k][0] in among, kinds[k][1] in among) for k in tested]
+        return mcnemar(apart.count((True, False)), apart.count((False, True)))
+
+    kept = [pair for pair, kind in zip(pairs, kinds, strict=True) if kind == ("kept", "kept")]
+    ratios = [
+        float(now["arrival_s"]) / float(before["arrival_s"])
+        for before, now in kept
+        if float(before["arrival_s"]) > 0.0 and math.isfinite(float(now["arrival_s"]))
+    ]
+    return Line(
+        name, law, len(pairs),
+        {kind: sum(before == kind for before, _ in kinds) for kind in KINDS},
+        {kind: sum(now == kind for _, now in kinds) for kind in KINDS},
+        p(("lost",)), p(("lost", "short")), p(KINDS),
+        sum(map(_grown, kept)), len(kept), float(np.median(ratios)) if ratios else math.nan, len(ratios),
+    )  # fmt: skip
+
+
+def _grown(pair: tuple[Row, Row]) -> bool:
+    before, now = (float(row["slip_path_m"]) for row in pair)
+    own_drive = pair[1]["law"] == "vic" and pair[0]["drive"] not in VIC_DRIVES
+    return now > before + GREW_M and not (own_drive and now <= VIC_M)
+
+
+def judged(lines: Sequence[Line]) -> list[Line]:
+    """Return the lines that count: of one arm all sets together, so that chance has one try for each law."""
+    together = [line for line in lines if line.name.endswith(", all")]
+    return [line for line in lines if not (together and line.name.startswith(ONE_ARM)) or line in together]
+
+
+def verdict(lines: Sequence[Line]) -> list[str]:
+    """Return why this checkout is worse, a sentence for each line; empty where it is not."""
+    return [f"{line.law} in {line.name}: {'; '.join(line.worse)}" for line in judged(lines) if line.worse]
+
+
+def table_of(lines: Sequence[Line]) -> Table:
+    """Return the table: each count now, in brackets before, with the bounds of its share now."""
+    shown = Table(title="frozen worlds: now (before), bounds of 95 % by Clopper and Pearson")
+    heads = ("set", "law", "worlds", *KINDS, "p lost", "p lost or short", "p not carried", "slip path grew", "arrival")
+    for head in heads:
+        shown.add_column(head, justify="left" if head in ("set", "law") else "right")
+    for line in lines:
+        counts = [_count(line, kind) for kind in KINDS]
+        tests = [f"{p:.2g}" for p in (line.p_lost, line.p_lost_or_short, line.p_not_carried)]
+        grown = f"{100.0 * line.grown / line.kept:.1f} % of {line.kept}" if line.kept else "-"
+        later = f"x {line.later:.3f} of {line.arrived}" if line.arrived else "-"
+        shown.add_row(line.name, line.law, str(line.worlds), *counts, *tests, grown, later)
+    return shown
+
+
+def _count(line: Line, kind: str) -> str:
+    low, high = clopper_pearson(line.now[kind], line.worlds)
+    return f"{line.now[kind]} ({line.before[kind]}) {100.0 * low:.1f} to {100.0 * high:.1f} %"

@@ -1,0 +1,115 @@
+"""The frozen judge: its worlds load today, and its verdict says what rows say."""
+
+import math
+from collections.abc import Sequence
+
+import pytest
+
+from slip_vic.experiments.rows import Row
+from slip_vic.experiments.world import World, parameter_of, renamed
+from test.campaigns.frozen.compare import compare, kind_of, verdict
+from test.campaigns.frozen.worlds import frozen_worlds
+
+
+def row(number: int, law: str = "governed", outcome: str = "ok", *, off: float = 0.0, slip: float = 0.0,
+        arrival: float = 2.0, drive: str = "ideal", name: str = "one_arm_1") -> Row:  # fmt: skip
+    cells = {"set": name, "world": number, "law": law, "drive": drive, "outcome": outcome, "off_goal_m": off,
+             "slip_path_m": slip, "arrival_s": arrival}  # fmt: skip
+    return {key: str(value) for key, value in cells.items()}
+
+
+def worse(before: Sequence[Row], now: Sequence[Row]) -> list[str]:
+    return verdict(compare(before, now))
+
+
+def test_worlds_are_all_there() -> None:
+    worlds = frozen_worlds()
+    assert [len(frozen_worlds(name)) for name in ("one_arm_20261201", "one_arm_20261202", "one_arm_20261203")] == [
+        300
+    ] * 3
+    assert len(frozen_worlds("two_arms")) == 60
+    assert len(set(worlds)) == len(worlds) == 960
+
+
+def test_every_parameter_of_the_worlds_exists() -> None:
+    """One that is renamed or removed needs a line in test/frozen/renamed.yaml."""
+    seen: set[str] = set()
+    loaded = 0
+    for world in frozen_worlds():
+        own = {parameter_of(setting) for setting in world.settings} | {world.scenario, world.sensor}
+        if own - seen:
+            world.load("governed", "observer")
+            seen, loaded = seen | own, loaded + 1
+    assert loaded > 5
+
+
+def test_settings_get_new_names_or_go() -> None:
+    table = {"controller.a.b": "controller.c", "bridge.d": None}
+    given = ("left.controller.a.b=1", "controller.a.b=x=y", "bridge.d=2", "right.bridge.d=2", "mismatch.mass=1.1")
+    assert renamed(given, table) == ("left.controller.c=1", "controller.c=x=y", "mismatch.mass=1.1")
+
+
+@pytest.mark.parametrize(
+    ("one", "kind"),
+    [
+        (row(1), "kept"), (row(1, outcome="held"), "kept"), (row(1, outcome="saturated", off=0.03), "short"),
+        (row(1, outcome="fault", off=math.nan), "lost"), (row(1, outcome="held", off=math.nan), "held"),
+        (row(1, outcome="refused", off=math.nan), "refused"), (row(1, off=0.02), "kept"), (row(1, off=0.0201), "short"),
+    ],
+)  # fmt: skip
+def test_kind_of_a_row(one: Row, kind: str) -> None:
+    assert kind_of(one) == kind
+
+
+def test_equal_rows_are_not_worse() -> None:
+    rows = [row(k, outcome="lost" if k < 20 else "ok") for k in range(100)]
+    assert worse(rows, rows) == []
+
+
+@pytest.mark.parametrize(("count", "found"), [(5, False), (6, True)])
+def test_losses_that_chance_does_not_explain(count: int, found: bool) -> None:
+    before = [row(k) for k in range(300)]
+    now = [row(k, outcome="lost" if k < count else "ok") for k in range(300)]
+    assert bool(worse(before, now)) is found
+    assert worse(now, before) == []
+
+
+def test_holding_everything_is_worse() -> None:
+    before = [row(k, outcome="lost" if k < 50 else "ok", off=math.nan if k < 50 else 0.0) for k in range(100)]
+    now = [row(k, outcome="held", off=math.nan) for k in range(100)]
+    (line,) = worse(before, now)
+    assert "not carried" in line
+
+
+@pytest.mark.parametrize(("slip", "count", "found"), [(2.9e-4, 100, False), (3.1e-4, 5, False), (3.1e-4, 6, True)])
+def test_slip_path_that_grows_in_many_worlds(slip: float, count: int, found: bool) -> None:
+    before = [row(k) for k in range(100)]
+    now = [row(k, slip=slip if k < count else 0.0) for k in range(100)]
+    assert bool(worse(before, now)) is found
+
+
+@pytest.mark.parametrize(
+    ("drive", "slip", "found"), [("ideal", 7e-3, True), ("velocity_125", 7e-3, False), ("velocity_125", 9e-3, True)]
+)
+def test_vic_may_slip_more_on_drives_of_their_own(drive: str, slip: float, found: bool) -> None:
+    before = [row(k, "vic", drive=drive, slip=3e-3) for k in range(20)]
+    assert bool(worse(before, [row(k, "vic", drive=drive, slip=slip) for k in range(20)])) is found
+
+
+@pytest.mark.parametrize(("law", "arrival", "found"), [("governed", 2.09, False), ("governed_follow", 2.11, True)])
+def test_later_arrivals(law: str, arrival: float, found: bool) -> None:
+    before = [row(k, law) for k in range(20)]
+    assert bool(worse(before, [row(k, law, arrival=arrival) for k in range(20)])) is found
+
+
+def test_three_sets_are_judged_together() -> None:
+    before = [row(k, name=f"one_arm_{s}") for s in range(3) for k in range(300)]
+    now = [one | {"outcome": "lost"} if int(one["world"]) < 2 else one for one in before]
+    assert [line.name for line in compare(before, now)] == ["one_arm_0", "one_arm_1", "one_arm_2", "one_arm, all"]
+    (line,) = worse(before, now)
+    assert line.startswith("governed in one_arm, all: lost: p 0.031")
+
+
+def test_worlds_are_hashable() -> None:
+    world = World("paper_planar", settings=("bridge.object.mass=1",))
+    assert {world: 1}[World("paper_planar", settings=("bridge.object.mass=1",))] == 1
