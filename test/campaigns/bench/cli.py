@@ -15,20 +15,8 @@ from rich.console import Console
 @click.option("--quick", is_flag=True, help="about half a minute, for a first look; numbers are rough")
 @click.option("--rounds", type=click.IntRange(1), help="rounds of everything side by side")
 @click.option("--free-s", type=click.FloatRange(0.1), help="length of each real-time run [s]")
-@click.option(
-    "--compare",
-    "files",
-    nargs=2,
-    type=click.Path(path_type=Path),
-    help="measure nothing: say what changed between two bench.json beyond the noise",
-)
-def bench(out: Path, quick: bool, rounds: int | None, free_s: float | None, files: tuple[Path, Path] | None) -> None:
-    """Measure what a control cycle costs on this machine: table, bench.json, bench.png; about five minutes."""
-    if files is not None:
-        from test.campaigns.bench.compare import compare, comparison_table, read_metrics
-
-        Console().print(comparison_table(compare(*map(read_metrics, files))))
-        return
+def bench(out: Path, quick: bool, rounds: int | None, free_s: float | None) -> None:
+    """Measure what a control cycle costs on this machine: table and bench.json; about five minutes."""
     from dataclasses import replace
 
     from test.campaigns.bench.measure import QUICK, Effort, run_bench
@@ -38,7 +26,7 @@ def bench(out: Path, quick: bool, rounds: int | None, free_s: float | None, file
     effort = replace(effort, rounds=rounds or effort.rounds, free_s=free_s or effort.free_s)
     with Console(stderr=True).status("measuring") as status:
         result = run_bench(effort, status.update)
-    numbers, picture = write_results(out, result)
+    numbers = write_results(out, result)
     console = Console()
     print_results(console, result)
-    console.print(f"numbers: {numbers}\npicture: {picture}", soft_wrap=True)
+    console.print(f"numbers: {numbers}", soft_wrap=True)

@@ -7,10 +7,8 @@ import random
 import statistics
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
-
-import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.records import new
@@ -20,18 +18,15 @@ from slip_vic.run.in_process import ClosedLoop, run_in_process
 from slip_vic.scenarios.scenario import Scenario, load_scenario
 from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.law.arm import ARM
-from slip_vic_controller.params.controller_params import ContactParams, ControllerParams
 from slip_vic_controller.session.cycle_result import CycleResult
 from slip_vic_controller.session.session import ControllerSession
 from slip_vic_controller.state import ARM_SIZE, TASK_SIZE
-from test.campaigns.bench.chain import chain_urdf
 from test.campaigns.bench.pingpong import JOINTS, LEDGER_FORM, NEEDED, TRUTH, codec
-from test.campaigns.bench.whole_pass import whole_pass
 from test.support.one_arm import one_arm
 
 SCENARIO = "paper_planar"
 SETTLE_TICKS = 1200  # of the scenario: the arm moves, and the object has begun to slip
-STRETCH = 8  # ticks: what is done in turns by cycles is done once
+STRETCH = 8  # ticks
 SLIDE_TICKS = 500
 PERIOD_NS = 1_000_000
 STATE_SIZE = TASK_SIZE + ARM_SIZE
@@ -128,30 +123,8 @@ def bare_terms(robot: Robot, joint: JointSample) -> Call:
     return lambda: robot.terms(joint.position, joint.velocity, arm)
 
 
-def backward_pass(governed: Stretch) -> Call:
-    """Return the governor's whole backward pass over the path of a governed run."""
-    state, F = governed.session.buffer.copy(), governed.scenario.controller.governor.friction_limit
-    return lambda: whole_pass(state, F)
-
-
-def closed_loop_factor(scenario: Scenario, ticks: int) -> float:
-    """Return simulated over wall time of simulator, sensors and law in one loop: the law alone, no middleware."""
-    from test.campaigns.bench.bare_law import BareLaw  # half a minute of compilation, for this alone
-
-    bridge = scenario.bridge_session()
-    law = BareLaw(one_arm(scenario.controller, scenario.urdf, lockstep=True))
-    outputs = bridge.observe()
-
-    def tick() -> None:
-        nonlocal outputs
-        bridge.advance([law.answer(outputs.arms[0].joint, outputs.arms[0].wrenches[-1], outputs.arms[0].slips)])
-        outputs = bridge.observe()
-
-    return _factor(tick, scenario, ticks)
-
-
 def supervised_loop_factor(scenario: Scenario, ticks: int) -> float:
-    """Return the same with all of a cycle: input validation, modes, limit avoidance, effort limiter."""
+    """Return simulated over wall time of simulator, sensors and the whole control cycle in one process."""
     run = run_in_process(scenario)
     return _factor(lambda: next(run), scenario, ticks)
 
@@ -243,27 +216,3 @@ def governed_scenario(drive: str = "") -> Scenario:
 def slipping_scenario() -> Scenario:
     """Return a scenario whose object slips all the time: gravity in the plane of the pads and hardly any grip."""
     return load_scenario(SCENARIO, assignments=("gravity=[0.5, 0.0, -9.81]", "bridge.grip.force=0.05"))
-
-
-def scaled_step(joints: int, contacts: int) -> Stretch:
-    """Return the control step of a chain of `joints` joints with `contacts` contacts on the object."""
-    params = ControllerParams(
-        joint_names=tuple(f"joint{i}" for i in range(1, joints + 1)),
-        contacts=ContactParams(
-            position=tuple(np.linspace(-0.05, 0.05, 3 * contacts).tolist()),
-            orientation_xyzw=(0.0, 0.0, 0.0, 1.0) * contacts,
-            slip_axes=(True,) * (6 * contacts),
-        ),
-    )
-    session = ControllerSession(one_arm(params, chain_urdf(joints), lockstep=False))
-    joint = JointSample(0, 0.3 + 0.1 * np.arange(joints, dtype=np.float64), 0.1 * np.ones(joints), np.zeros(joints))
-    wrenches = tuple(WrenchSample(0, 0.1 * np.arange(6.0)) for _ in range(contacts))
-    slips = tuple(SlipSample(0, 1e-3 * np.arange(6.0)) for _ in range(contacts))
-    first = Inputs(joint, wrenches, slips)
-    Stretch(observer_scenario(), session, session.buffer[:STATE_SIZE].copy(), (first,)).step()
-    later = Inputs(
-        replace(joint, stamp_ns=PERIOD_NS),
-        tuple(replace(wrench, stamp_ns=PERIOD_NS) for wrench in wrenches),
-        tuple(replace(slip, stamp_ns=PERIOD_NS) for slip in slips),
-    )
-    return Stretch(observer_scenario(), session, session.buffer[:STATE_SIZE].copy(), (later,))

@@ -8,7 +8,6 @@ import signal
 import statistics
 import subprocess
 import tempfile
-from dataclasses import dataclass
 from pathlib import Path
 
 from slip_core.errors import ProtocolError
@@ -23,57 +22,30 @@ TIMEOUT_S = 120.0
 SCENARIO = "paper_planar"
 
 
-@dataclass(frozen=True, slots=True)
-class PingPong:
-    """One kind of ping-pong: the module of both sides and its words."""
-
-    module: str
-    words: tuple[str, ...] = ()
-    side_first: bool = True
-
-    def command(self, side: str, *more: str) -> list[str]:
-        """Return the command of one side."""
-        words = (side, *more, *self.words) if self.side_first else (*self.words, side, *more)
-        return python_module(self.module, *words)
-
-
-R0 = PingPong("test.campaigns.bench.pingpong", ("--path", "default"))
-RAW = PingPong("test.campaigns.bench.pingpong", ("--path", "raw"))
-RAW_BEST_EFFORT = PingPong("test.campaigns.bench.pingpong", ("--path", "raw", "--best-effort"))
-
-
-def c_floor(library: Path) -> PingPong:
-    """Return the ping-pong in C."""
-    return PingPong("test.campaigns.bench.cfloor", (str(library),), side_first=False)
-
-
-def round_trip_s(kind: PingPong, rounds: int) -> float:
-    """Return the mean time of a round trip [s].
+def round_trip_s(path: str, rounds: int) -> float:
+    """Return the mean time of a round trip [s]; path: "default" or "raw", see `pingpong`.
 
     Raises:
         ProtocolError: where a side failed, with its last line.
     """
-    options = kind.side_first
-    counts = ["--rounds", str(rounds), "--warm-up", str(WARM_UP)] if options else [str(rounds), str(WARM_UP)]
+
+    def command(side: str) -> list[str]:
+        words = (side, "--path", path, "--rounds", str(rounds), "--warm-up", str(WARM_UP))
+        return python_module("test.campaigns.bench.pingpong", *words)
+
+    nothing = subprocess.DEVNULL
     with domain_id() as domain:
         environment = child_environment(domain)
-        partner = subprocess.Popen(
-            kind.command("answer"), env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-        )
+        partner = subprocess.Popen(command("answer"), env=environment, stdout=nothing, stderr=nothing)
         try:
             done = subprocess.run(
-                kind.command("ask", *counts),
-                env=environment,
-                capture_output=True,
-                text=True,
-                timeout=TIMEOUT_S,
-                check=False,
+                command("ask"), env=environment, capture_output=True, text=True, timeout=TIMEOUT_S, check=False
             )
         finally:
             partner.send_signal(signal.SIGINT)
             partner.wait(TIMEOUT_S)
     if done.returncode != 0:
-        raise ProtocolError(f"ping-pong {kind.module}: {(done.stderr.strip().splitlines() or ['no output'])[-1]}")
+        raise ProtocolError(f"ping-pong: {(done.stderr.strip().splitlines() or ['no output'])[-1]}")
     return statistics.fmean(json.loads(done.stdout))
 
 

@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import statistics
-import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from slip_msgs_py.realtime import ProcessOptions
 from slip_vic.scenarios.scenario import load_scenario
-from test.campaigns.bench import cfloor, cost, dds
+from test.campaigns.bench import cost, dds
 from test.campaigns.bench.machine import calibration_s, fifo_permitted, machine, stalled_share
 from test.campaigns.bench.samples import Metric, Rounds, relative_spread, rotated
 
 FIFO_PRIORITY = 80
 RATES_HZ = (500, 1000, 2000)
-JOINTS = (6, 7, 10)
-CONTACTS = (1, 2, 4)
 Say = Callable[[str], None]
 
 
@@ -39,12 +35,11 @@ QUICK = Effort(rounds=2, round_trips=300, lockstep_s=0.3, loop_ticks=200, turns=
 
 @dataclass(frozen=True, slots=True)
 class BenchResult:
-    """Metrics by name, the free runs, the profile of a tick, scaling, machine and noise."""
+    """Metrics by name, the free runs, the profile of a tick, machine and noise."""
 
     metrics: dict[str, Metric]
     free_running: dict[str, dict[str, float]]
     profile_us: dict[str, float]
-    scaling_us: dict[str, dict[str, float]]
     memory_mib: dict[str, float]
     machine: dict[str, Any]
     noise: dict[str, float]
@@ -52,13 +47,17 @@ class BenchResult:
 
     def as_dict(self) -> dict[str, Any]:
         """Return it for ``bench.json``; the figures that are asked for by name stand at the top."""
-        top = ("control_step_ratio", "control_step_observer_ratio", "closed_loop_real_time_factor", "lockstep_ratio")
+        top = (
+            "control_step_ratio",
+            "control_step_observer_ratio",
+            "supervised_loop_real_time_factor",
+            "lockstep_ratio",
+        )
         return {
             **{name: self.metrics[name].median for name in top if name in self.metrics},
             "free_running": self.free_running,
             "metrics": {name: metric.as_dict() for name, metric in self.metrics.items()},
             "profile_us": self.profile_us,
-            "scaling_us": self.scaling_us,
             "memory_mib": self.memory_mib,
             "machine": self.machine,
             "noise": self.noise,
@@ -70,14 +69,10 @@ def run_bench(effort: Effort, say: Say) -> BenchResult:
     """Measure everything; `say` is told what is being done."""
     notes: list[str] = []
     found = machine()
-    with tempfile.TemporaryDirectory(prefix="slip_vic_bench_") as folder:
-        library, reason = cfloor.build(Path(folder))
-        if library is None:
-            notes.append(f"no C floor: {reason}")
-        rounds = _rounds(effort, library, say)
+    rounds = _rounds(effort, say)
     say("free running")
     free, memory = _free_running(effort, notes)
-    say("profile and scaling")
+    say("profile")
     profile = cost.tick_profile(effort.loop_ticks, effort.turns)
     whole = statistics.median(rounds.values["lockstep"])
     profile["middleware, waking, waiting"] = whole - sum(profile.values())
@@ -89,7 +84,6 @@ def run_bench(effort: Effort, say: Say) -> BenchResult:
         metrics=_metrics(rounds),
         free_running=free,
         profile_us={name: 1e6 * value for name, value in profile.items()},
-        scaling_us=_scaling(effort),
         memory_mib=memory,
         machine=found,
         noise=noise,
@@ -97,7 +91,7 @@ def run_bench(effort: Effort, say: Say) -> BenchResult:
     )
 
 
-def _rounds(effort: Effort, library: Path | None, say: Say) -> Rounds:
+def _rounds(effort: Effort, say: Say) -> Rounds:
     rounds = Rounds()
     scenario = dds.lockstep_scenario(effort.lockstep_s)
     vic = load_scenario(cost.SCENARIO)
@@ -107,25 +101,19 @@ def _rounds(effort: Effort, library: Path | None, say: Say) -> Rounds:
         "pinocchio terms": cost.bare_terms(step.session.controller.first.robot, step.inputs[0].joint),
     }
     pieces["control step, observer"] = cost.stretch(cost.observer_scenario())
-    governed = cost.stretch(cost.governed_scenario())
-    pieces |= {"control step, governed": governed, "backward pass": cost.backward_pass(governed)}
+    pieces["control step, governed"] = cost.stretch(cost.governed_scenario())
     for name, drive in (("estimator", "torque_joint"), ("velocity", "velocity_500")):
         pieces[f"control step, {name}"] = cost.stretch(cost.governed_scenario(drive))
     sticking = cost.holding_bridge(vic)
     pieces["simulator step, stick"] = lambda: sticking.advance([None])
     pieces["simulator step, slip"] = cost.sliding_step(cost.holding_bridge(cost.slipping_scenario()))
     measures: dict[str, Callable[[], float]] = {
-        "r0": lambda: dds.round_trip_s(dds.R0, effort.round_trips),
-        "raw": lambda: dds.round_trip_s(dds.RAW, effort.round_trips),
-        "raw best effort": lambda: dds.round_trip_s(dds.RAW_BEST_EFFORT, effort.round_trips),
+        "r0": lambda: dds.round_trip_s("default", effort.round_trips),
+        "raw": lambda: dds.round_trip_s("raw", effort.round_trips),
         "lockstep": lambda: dds.lockstep_tick_s(scenario),
         "lockstep, recorded": lambda: dds.lockstep_tick_s(scenario, record=True),
-        "closed loop": lambda: cost.closed_loop_factor(vic, effort.loop_ticks),
         "supervised loop": lambda: cost.supervised_loop_factor(vic, effort.loop_ticks),
     }
-    if library is not None:
-        floor = dds.c_floor(library)
-        measures["c floor"] = lambda: dds.round_trip_s(floor, effort.round_trips)
     for number in range(effort.rounds):
         say(f"round {number + 1} of {effort.rounds}")
         rounds.add("calibration", calibration_s())
@@ -149,24 +137,20 @@ def _metrics(rounds: Rounds) -> dict[str, Metric]:
         ratio("control_step_governed_ratio", "control step, governed", bare, "low", "the same with reference governor"),
         ratio("estimator_ratio", "control step, estimator", before, "low", "with / without joint state estimator"),
         ratio("velocity_ratio", "control step, velocity", before, "low", "commands of velocities / efforts"),
-        rounds.metric("closed_loop_real_time_factor", "closed loop", "x", "high", "simulator, sensors, law"),
-        rounds.metric("supervised_loop_real_time_factor", "supervised loop", "x", "high", "with the whole cycle"),
+        rounds.metric(
+            "supervised_loop_real_time_factor", "supervised loop", "x", "high", "simulator, sensors, whole cycle"
+        ),
         ratio("lockstep_ratio", "r0", "lockstep", "high", "R0 round trip / lockstep tick, two processes"),
         ratio("raw_ratio", "r0", "raw", "high", "R0 / the same messages on this suite's path, nothing computed"),
-        ratio("raw_best_effort_ratio", "r0", "raw best effort", "high", "the same, best effort"),
         ratio("recorder_ratio", "lockstep, recorded", "lockstep", "low", "lockstep tick with / without recorder"),
         microseconds("pinocchio_terms_us", bare),
         microseconds("control_step_us", "control step"),
         microseconds("control_step_governed_us", "control step, governed"),
-        microseconds("backward_pass_us", "backward pass"),
         microseconds("simulator_step_stick_us", "simulator step, stick"),
         microseconds("simulator_step_slip_us", "simulator step, slip"),
         microseconds("r0_us", "r0"),
         microseconds("lockstep_tick_us", "lockstep"),
     ]
-    if "c floor" in rounds.values:
-        metrics.append(ratio("c_floor_ratio", "r0", "c floor", "high", "R0 / the same ping-pong in C"))
-        metrics.append(microseconds("c_floor_us", "c floor"))
     return {metric.name: metric for metric in metrics}
 
 
@@ -197,14 +181,3 @@ def _free_running(effort: Effort, notes: list[str]) -> tuple[dict[str, dict[str,
             found[f"{rate}_{kind}"] = numbers
         found[str(rate)] = found[f"{rate}_{list(kinds)[-1]}"]
     return found, memory
-
-
-def _scaling(effort: Effort) -> dict[str, dict[str, float]]:
-    """Return the control step for several numbers of joints (one contact) and contacts (seven joints) [us]."""
-    calls = {f"{joints} joints": cost.scaled_step(joints, 1) for joints in JOINTS}
-    calls |= {f"{contacts} contacts": cost.scaled_step(7, contacts) for contacts in CONTACTS}
-    times = {name: 1e6 * value for name, value in cost.interleaved(calls, effort.turns).items()}
-    return {
-        "joints": {str(joints): times[f"{joints} joints"] for joints in JOINTS},
-        "contacts": {str(contacts): times[f"{contacts} contacts"] for contacts in CONTACTS},
-    }

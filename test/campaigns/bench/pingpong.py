@@ -62,16 +62,14 @@ class Side:
     Args:
         name: of the node.
         fast: this suite's path instead of the default one.
-        reliable: QoS.
     """
 
-    def __init__(self, name: str, *, fast: bool, reliable: bool) -> None:
+    def __init__(self, name: str, *, fast: bool) -> None:
         self.node = Node(name)
         self.executor = EventsExecutor() if fast else SingleThreadedExecutor()
         self._spinner = Spinner(self.executor)
         self.fast = fast
-        reliability = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
-        self._qos = QoSProfile(depth=100, reliability=reliability)
+        self._qos = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 
     def wait(self, timeout_s: float) -> None:
         """Run callbacks: at most for this time; the fast path until `enough`, the default one a callback at a time."""
@@ -173,14 +171,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("side", choices=["ask", "answer"])
     parser.add_argument("--path", choices=["default", "raw"], default="default")
-    parser.add_argument("--best-effort", action="store_true")
     parser.add_argument("--rounds", type=int, default=1000)
     parser.add_argument("--warm-up", type=int, default=100)
     words = parser.parse_args(argv)
     choose_transport()
     rclpy.init(args=[])
     try:
-        side = Side(f"pp_{words.side}", fast=words.path == "raw", reliable=not words.best_effort)
+        side = Side(f"pp_{words.side}", fast=words.path == "raw")
         if words.side == "ask":
             print(json.dumps(ask(side, words.rounds, words.warm_up)))
         else:

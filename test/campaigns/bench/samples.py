@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import statistics
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
-
-from slip_core.errors import InputError
 
 Better = Literal["high", "low"]
 
@@ -51,18 +49,6 @@ class Metric:
             "values": list(self.values),
             "note": self.note,
         }
-
-
-def metric_from(name: str, stored: Mapping[str, Any]) -> Metric:
-    """Return a stored metric.
-
-    Raises:
-        InputError: where it is not in the form of `Metric.as_dict`.
-    """
-    try:
-        return Metric(name, stored["unit"], stored["better"], tuple(map(float, stored["values"])), stored["note"])
-    except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"metric {name}", got=repr(error), expected="what ./run bench writes") from None
 
 
 @dataclass(slots=True)

@@ -24,7 +24,6 @@ from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.session.controller import Controller
 from slip_vic_controller.state import ARM_SIZE, TASK_SIZE
 from test.support.call import call
-from test.support.every import every
 
 UPRIGHT, FLAT = "pane_two_arms_upright", "pane_two_arms_flat"
 SOON = ("controller.trajectory.start_s=0.0",)
@@ -72,7 +71,7 @@ def grasped(scenario: Scenario, tick: Tick) -> tuple[list[np.ndarray], list[np.n
     return places, attitudes
 
 
-@every("law, bias", (("classical", 0.2), ("governed", 0.0)))
+@pytest.mark.parametrize(("law", "bias"), [("classical", 0.2), ("governed", 0.0)])
 def test_what_arms_press_on_each_other_at_rest_is_no_bias_but_what_both_together_read_is(law: str, bias: float) -> None:
     """Half of a bias is taken off each wrench, so that their sum is right."""
     biased = f"left.bridge.sensors.wrench.bias=[0.0, 0.0, {bias}, 0.0, 0.0, 0.0]"
@@ -229,7 +228,7 @@ def test_a_latched_fault_of_one_arm_keeps_the_other_from_going_on() -> None:
     assert all(result.mode.follows for result in list(ticks(loop, 3))[-1].results)
 
 
-@every("law", ("vic", "classical"))
+@pytest.mark.parametrize("law", ["vic", "classical"])
 def test_a_user_holds_both_and_the_path_comes_to_rest_before(law: str) -> None:
     """Each arm then carries its share, also the one that knows its own wrench alone: none of them moves."""
     loop = ClosedLoop(load_scenario(UPRIGHT, law=law, assignments=SOON))
@@ -400,7 +399,7 @@ def test_what_the_observer_alone_takes_for_slip_does_not_stop_several_arms_for_g
         assert off_goal_m(series, params) < 1e-3
 
 
-@every("scenario", [UPRIGHT, "pane_two_arms_fast"])
+@pytest.mark.parametrize("scenario", [UPRIGHT, "pane_two_arms_fast"])
 def test_efforts_that_nobody_tells_are_late_do_not_lose_the_pane(scenario: str) -> None:
     """The preset tells 1 ms. With 2 ms more two arms swung against each other until the pane was lost."""
     late = ["bridge.drive.delay_s=0.004"]

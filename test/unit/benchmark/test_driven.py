@@ -16,7 +16,6 @@ from slip_vic.benchmark.driven import Driven
 from slip_vic.benchmark.law import find_law
 from slip_vic.scenarios.scenario import Scenario
 from slip_vic_controller.arm.robot import Robot
-from test.support.every import every
 
 GAINS_OF_FOUR = {"stiffness": 4.0, "damping": 2.0}
 
@@ -32,7 +31,7 @@ def law_of(step: Callable[[Any], Any], **more: Any) -> Any:
     return type("Own", (), body | {"step": lambda self, seen: step(seen)})()
 
 
-@every("law", ["classical", "vic", "governed"])
+@pytest.mark.parametrize("law", ["classical", "vic", "governed"])
 def test_the_laws_of_the_suite_give_the_same_bits_through_the_door(law: str) -> None:
     loaded = scenario(law, 200, sensor="vision_60", drive="torque_joint", seed=3)
     direct = [tick.effort.tobytes() for tick in loaded.ticks()]
@@ -113,7 +112,7 @@ def circling(seen: Any) -> Any:
     return 0.2 * np.sin(2.0 * np.pi * 2.0 * seen.time) * np.ones(7)
 
 
-@every("drive", ["ideal", "velocity_500", "position_250"])
+@pytest.mark.parametrize("drive", ["ideal", "velocity_500", "position_250"])
 def test_joint_velocities_are_followed_by_drives_of_every_kind(drive: str) -> None:
     """The lag of a loop of rate k behind a sine of w rad/s, and the dead time of the preset, bound the error."""
     seen: list[Any] = []
@@ -131,7 +130,7 @@ def test_joint_velocities_are_followed_by_drives_of_every_kind(drive: str) -> No
     assert np.abs(truth[settled]).max() > 0.15
 
 
-@every("drive", ["velocity_500", "position_250"])
+@pytest.mark.parametrize("drive", ["velocity_500", "position_250"])
 def test_a_law_of_accelerations_follows_its_path_on_drives_with_loops_of_their_own(drive: str) -> None:
     errors: list[Any] = []
 
@@ -150,7 +149,7 @@ def test_a_law_of_accelerations_follows_its_path_on_drives_with_loops_of_their_o
     assert speed > 0.05
 
 
-@every("drive", ["velocity_500", "position_250"])
+@pytest.mark.parametrize("drive", ["velocity_500", "position_250"])
 def test_wild_velocities_stay_inside_the_limits_of_the_motion(drive: str) -> None:
     wild = iter(np.random.default_rng(6).choice([-1e9, 1e9, 0.3], size=(300, 7)))
     loaded = scenario("classical", 200, drive=drive)
@@ -181,8 +180,8 @@ def raises(_: Any) -> None:
     raise RuntimeError("no\nidea")
 
 
-@every(
-    "step, message",
+@pytest.mark.parametrize(
+    ("step", "message"),
     [
         (raises, "step raises RuntimeError: no idea"),
         (lambda _: slip_vic.Pad(np.full(6, np.nan)), "Pad.acceleration is not finite"),
@@ -216,8 +215,8 @@ def test_laws_are_found_by_file_and_by_module(tmp_path: Path) -> None:
     assert find_law("slip_vic.benchmark.ours:Vic").label == find_law("vic").label == "vic"
 
 
-@every(
-    "name, text, message",
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
     [
         ("governd", "", "did you mean governed"),
         ("no_such_module:Law", "", "No module named 'no_such_module'"),

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pytest
 
 from slip_sim_bridge.sensors.slip import draw_chances, exceeds
 from slip_sim_bridge.simulation import CLIPPED, NOT_FINITE, OBEYED, drive
 from slip_vic.scenarios.scenario import load_scenario
-from test.support.every import every
 
 
-@every("largest_change", [0.0, 0.5, math.inf])
+@pytest.mark.parametrize("largest_change", [0.0, 0.5, math.inf])
 def test_a_drive_follows_its_rate_and_its_limit(largest_change):
     rng, seen = np.random.default_rng(1), set()
     for spread in np.repeat([0.3, 3.0], 200):
@@ -27,8 +27,8 @@ def test_a_drive_follows_its_rate_and_its_limit(largest_change):
     assert seen == ({OBEYED, CLIPPED} if largest_change > 0.0 else {OBEYED})
 
 
-@every("bad", [math.nan, math.inf, -math.inf])
-@every("joint", [0, 2])
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("joint", [0, 2])
 def test_the_drive_says_where_an_effort_is_not_finite(bad, joint):
     wanted = np.zeros(3)
     wanted[joint] = bad
@@ -44,7 +44,7 @@ def test_chances_drawn_ahead_are_those_of_one_draw_after_the_other():
     assert ahead.random() == one_by_one.random()
 
 
-@every(
+@pytest.mark.parametrize(
     ("values", "beyond"),
     [((1.0, -2.0), False), ((1.1, 0.0), True), ((0.0, -2.1), True), ((math.nan, 0.0), False), ((math.inf, 0.0), True)],
 )

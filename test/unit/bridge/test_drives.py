@@ -22,7 +22,6 @@ from slip_sim_bridge.plant.model import tree_of
 from slip_sim_bridge.sensors.params import JointSensorParams
 from slip_sim_bridge.sensors.suite import JointSensor
 from slip_sim_bridge.session import BridgeSession
-from test.support.every import every
 from test.unit.bridge.one_arm import OneArm
 from test.unit.bridge.scenes import scenario_params, scene
 
@@ -52,7 +51,7 @@ def inertia(simulation: OneArm) -> float:
     return float(M[0, 0])
 
 
-@every("plant", PLANTS)
+@pytest.mark.parametrize("plant", PLANTS)
 def test_a_joint_below_its_friction_does_not_creep_and_breaks_away_at_the_limit(plant: str) -> None:
     limits = np.array((1.0, 1.0, 0.8, 0.8, 0.4, 0.4, 0.3))
     simulation = weightless(plant, drive__coulomb=tuple(limits.tolist()))
@@ -70,7 +69,7 @@ def test_a_joint_below_its_friction_does_not_creep_and_breaks_away_at_the_limit(
         assert share == pytest.approx(1.0, abs=1e-3)
 
 
-@every("braked", (False, True))
+@pytest.mark.parametrize("braked", [False, True])
 def test_the_joints_together_are_the_solution_of_the_convex_problem(braked: bool) -> None:
     """Against scipy's bounded least squares: min |L^T tau + L^-1 v|^2 in the bounds, A = L L^T.
 
@@ -122,7 +121,7 @@ def test_a_joint_decays_by_viscous_and_stops_by_coulomb_friction() -> None:
         simulation.step(np.zeros(7))
 
 
-@every("way", (-1.0, 1.0))
+@pytest.mark.parametrize("way", [-1.0, 1.0])
 def test_the_effort_of_a_velocity_drive_overcomes_friction_and_accelerates(way: float) -> None:
     simulation = weightless(
         drive__interface="velocity", drive__bandwidth=40.0, drive__coulomb=(3.0,), drive__viscous=(0.5,)
@@ -135,8 +134,8 @@ def test_the_effort_of_a_velocity_drive_overcomes_friction_and_accelerates(way: 
         assert effort == pytest.approx(way * (3.0 + 0.5 * after + accelerates), rel=1e-3)
 
 
-@every("friction", (0.0, 3.0))
-@every("plant", PLANTS)
+@pytest.mark.parametrize("friction", [0.0, 3.0])
+@pytest.mark.parametrize("plant", PLANTS)
 def test_a_velocity_drive_follows_with_a_lag_of_first_order_whatever_rubs(plant: str, friction: float) -> None:
     simulation = weightless(
         plant, drive__interface="velocity", drive__bandwidth=40.0, drive__coulomb=(friction,), drive__viscous=(0.5,)
@@ -182,9 +181,9 @@ def test_a_position_drive_comes_with_a_lag_of_first_order_and_holds_its_posture(
     np.testing.assert_allclose(simulation.observe().joint.position, start + STEP * FIRST, atol=1e-7)
 
 
-@every("towards", ("lower", "upper"))
-@every("joint", (3,))
-@every("interface", ("velocity", "position"))
+@pytest.mark.parametrize("towards", ["lower", "upper"])
+@pytest.mark.parametrize("joint", [3])
+@pytest.mark.parametrize("interface", ["velocity", "position"])
 def test_drives_take_no_command_beyond_the_speed_and_range_of_a_joint(interface: str, joint: int, towards: str) -> None:
     simulation = weightless(drive__interface=interface, drive__bandwidth=40.0, control_period_s=0.004)
     command = np.zeros(7) if interface == "velocity" else simulation.observe().joint.position.copy()
@@ -201,8 +200,8 @@ def test_drives_take_no_command_beyond_the_speed_and_range_of_a_joint(interface:
     assert fastest == pytest.approx(float(limit.get("velocity")), rel=1e-3)
 
 
-@every("interface", ("velocity", "position"))
-@every("bad", (math.nan, math.inf))
+@pytest.mark.parametrize("interface", ["velocity", "position"])
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
 def test_a_command_with_a_number_that_is_none_is_refused_and_the_arm_rests(interface: str, bad: float) -> None:
     simulation = weightless(drive__interface=interface, drive__bandwidth=40.0)
     start = simulation.observe().joint.position
@@ -213,7 +212,7 @@ def test_a_command_with_a_number_that_is_none_is_refused_and_the_arm_rests(inter
     np.testing.assert_allclose(simulation.observe().joint.position, start, atol=1e-9)
 
 
-@every("interface", ("velocity", "position"))
+@pytest.mark.parametrize("interface", ["velocity", "position"])
 def test_a_command_that_jumps_to_and_fro_throws_no_arm(interface: str) -> None:
     simulation, rng = weightless(drive__interface=interface, drive__bandwidth=300.0), np.random.default_rng(5)
     for _ in range(1000):
@@ -221,7 +220,7 @@ def test_a_command_that_jumps_to_and_fro_throws_no_arm(interface: str) -> None:
         assert np.isfinite(simulation.observe().numbers).all()
 
 
-@every("delay", (0, 1, 4))
+@pytest.mark.parametrize("delay", [0, 1, 4])
 def test_a_command_takes_effect_whole_periods_later(delay: int) -> None:
     prompt, late = scene(), scene(drive__delay_s=delay * DT)
     hold = prompt.observe().joint.effort.copy()
@@ -296,7 +295,9 @@ def test_a_command_of_another_interface_is_named() -> None:
         session.advance([EffortCommand(0, np.zeros(7))])
 
 
-@every("values", [{"coulomb": (1.0, 2.0)}, {"coulomb": (-1.0,)}, {"viscous": (0.1,) * 6}, {"gain": 0.0}])
+@pytest.mark.parametrize(
+    "values", [{"coulomb": (1.0, 2.0)}, {"coulomb": (-1.0,)}, {"viscous": (0.1,) * 6}, {"gain": 0.0}]
+)
 def test_lists_that_do_not_fit_are_refused(values: dict[str, Any]) -> None:
     with pytest.raises(InputError, match="drive"):
         scenario_params(**{f"drive__{name}": value for name, value in values.items()})

@@ -8,8 +8,6 @@ import math
 import numpy as np
 import pytest
 
-from test.support.every import every
-
 from .grasp_cases import (
     G0,
     MU_K,
@@ -79,8 +77,8 @@ def test_the_same_vibration_over_the_limit_slips():
     assert np.abs(slip(simulation) - start).max() > 1e-5
 
 
-@every("offset", [(0.0, 0.0, 0.0), (0.02, 0.01, 0.0)])
-@every("direction", DIRECTIONS.values())
+@pytest.mark.parametrize("offset", [(0.0, 0.0, 0.0), (0.02, 0.01, 0.0)])
+@pytest.mark.parametrize("direction", DIRECTIONS.values())
 def test_break_away_at_mu_n(direction, offset):
     """The grip is let go slowly under the object's own weight; gravity and the offset are all that loads the pad."""
     mass = 0.5
@@ -97,7 +95,7 @@ def test_break_away_at_mu_n(direction, offset):
     assert grip == pytest.approx(needed, rel=BREAK_AWAY)
 
 
-@every("speed", [0.005, 0.02, 0.05, 0.1, 0.25])
+@pytest.mark.parametrize("speed", [0.005, 0.02, 0.05, 0.1, 0.25])
 def test_stribeck_curve(speed):
     """An object sliding ever faster under its weight: the sensed wrench is on the curve when it passes each speed."""
     grip = 9.0  # holds 4.5 N of 4.9 N

@@ -11,7 +11,6 @@ from slip_description import urdf_text
 from slip_sim_bridge.plant import ReadOut
 from slip_sim_bridge.plant.loose import LoosePlant
 from slip_sim_bridge.session import BridgeSession
-from test.support.every import every
 from test.unit.bridge.scenes import Shaker, scenario_params, scene
 
 SCENARIOS = ("paper_planar", "vertical_plane", "glass_transport")
@@ -21,7 +20,7 @@ FIRST_ORDER = 2e-3
 ROUNDING = 1e-9
 
 
-@every("name", SCENARIOS)
+@pytest.mark.parametrize("name", SCENARIOS)
 def test_without_grip_the_object_falls_in_every_scenario(name: str) -> None:
     simulation = scene(name)
     before = simulation.observe().truth
@@ -39,7 +38,7 @@ def test_without_grip_the_object_falls_in_every_scenario(name: str) -> None:
     assert not readings.truth.slip_displacement.any()
 
 
-@every("plant", ["rigid", "elastic", "native"])
+@pytest.mark.parametrize("plant", ["rigid", "elastic", "native"])
 def test_over_the_edge_it_is_lost_and_before_it_is_not(plant: str) -> None:
     """A grip that is much too weak; the edge is one of the pad, wherever the object turns."""
     simulation = scene("vertical_plane", grip__force=2.0, grip__pad_size=(0.01, 0.03), plant=plant)
@@ -128,7 +127,7 @@ def test_the_session_tells_when_in_the_time_of_the_run() -> None:
     assert str(session.lost) == "LOST at 0.001 s: the object is lost: the grip is zero"
 
 
-@every("size", [(), (0.02,), (0.02, -0.02), (0.02, 0.02, 0.02)])
+@pytest.mark.parametrize("size", [(), (0.02,), (0.02, -0.02), (0.02, 0.02, 0.02)])
 def test_a_pad_without_a_size_is_refused(size: tuple[float, ...]) -> None:
     with pytest.raises(InputError, match="pad_size"):
         scenario_params(grip__pad_size=size)

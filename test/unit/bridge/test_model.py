@@ -14,7 +14,6 @@ from slip_description import urdf_text
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.plant.model import OBJECT, PAD, add_scenery
 from slip_sim_bridge.plant.rigid import build_model
-from test.support.every import every
 from test.unit.bridge.one_arm import OneArm
 
 JOINTS = [f"arm_joint{i}" for i in range(1, 8)]
@@ -86,7 +85,7 @@ def test_a_urdf_without_the_mujoco_extension_keeps_fixed_links():
     assert theirs.body_mass.sum() == pytest.approx(ours.body_mass.sum())
 
 
-@every(
+@pytest.mark.parametrize(
     ("text", "word"),
     [("", "URDF"), ("not xml", "URDF"), ("<robot name='x'>", "URDF"), ("<robot name='x'/>", "")],
 )
@@ -123,7 +122,7 @@ def test_unphysical_link():
     fails(urdf=wrong)
 
 
-@every(
+@pytest.mark.parametrize(
     ("name", "value", "word"),
     [
         ("object.mass", 0.0, "object.mass"),

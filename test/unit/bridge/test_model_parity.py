@@ -5,6 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 import pinocchio as pin
+import pytest
 from scipy.spatial.transform import Rotation
 
 from slip_core.params import build
@@ -16,7 +17,6 @@ from slip_sim_bridge.plant.rigid import build_model
 from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.law.arm import ARM as ARM_RECORD
 from test.referees.grasp_twin import LWA, GraspTwin
-from test.support.every import every
 
 PARITY = 1e-10  # required; rounding is 1e-14
 STATES = 1000
@@ -40,7 +40,7 @@ def mujoco_terms(model, data, q, v):
     return M, data.qfrc_bias.copy()
 
 
-@every("seed", [1])
+@pytest.mark.parametrize("seed", [1])
 def test_arm_alone_on_1000_random_states(seed):
     params = BridgeParams()
     ours = compile_spec(arm_spec(params, urdf_text()))
@@ -74,7 +74,7 @@ def test_motors_add_their_inertia_to_the_joints_of_both_sides() -> None:
         np.testing.assert_allclose(record(buffer, ARM_RECORD).M[:ARM, :ARM], M, rtol=0, atol=PARITY)
 
 
-@every("seed", [2, 3])
+@pytest.mark.parametrize("seed", [2, 3])
 def test_arm_with_any_grasped_object_on_1000_random_states(seed):
     rng = np.random.default_rng(seed)
     params = build(

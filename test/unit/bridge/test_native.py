@@ -10,7 +10,6 @@ import pytest
 from slip_core.errors import InputError
 from slip_vic.scenarios.scenario import load_scenario
 from test.referees.native_plant import NativePlant
-from test.support.every import every
 
 from .grasp_cases import G0, MU_S, POSTURE, RHO, friction_used, grasp, planar, shaken_hold, slip, slip_speed
 
@@ -65,8 +64,8 @@ def test_both_plants_slip_as_far_and_feel_the_same_in_an_accelerated_hand():
     assert gap.max() < SAME_WRENCH * np.linalg.norm(rigid_wrench[early], axis=1).min()
 
 
-@every("offset", [(0.0, 0.0, 0.0), (0.02, 0.01, 0.0)])
-@every("direction", [(1.0, 0.0, 0.0), (1.0, -1.0, 0.0)])
+@pytest.mark.parametrize("offset", [(0.0, 0.0, 0.0), (0.02, 0.01, 0.0)])
+@pytest.mark.parametrize("direction", [(1.0, 0.0, 0.0), (1.0, -1.0, 0.0)])
 def test_native_contacts_break_away_at_mu_n(direction, offset):
     force = 0.5 * G0 * np.array(direction) / np.linalg.norm(direction)
     torque = np.cross(-np.array(offset), force)[2]

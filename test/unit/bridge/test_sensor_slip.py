@@ -18,7 +18,6 @@ from slip_sim_bridge.sensors.slip_kinds import pose_of
 from slip_sim_bridge.sensors.suite import SensorSuite
 from slip_vic.presets import preset_names
 from slip_vic.presets.models import load_sensor
-from test.support.every import every
 
 MS = 1_000_000
 ROUNDING = 1e-12
@@ -96,7 +95,7 @@ def test_gain_bias_and_invalid() -> None:
     assert np.isnan(sample.twist).all()
 
 
-@every("seed", [5])
+@pytest.mark.parametrize("seed", [5])
 def test_dropouts_and_outliers_come_at_their_rate(seed: int) -> None:
     ticks, share = 20_000, 0.1
     spread = 5.0 * math.sqrt(share * (1.0 - share) / ticks)  # five standard deviations of a fair count

@@ -13,7 +13,6 @@ from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.sensors.slip import dead_band
 from slip_sim_bridge.sensors.suite import SensorSuite
-from test.support.every import every
 
 MS = 1_000_000
 SIGMAS = 5.0  # a fair sample of fixed seed lies well within
@@ -48,7 +47,7 @@ def test_ideal_sensors_hand_over_the_truth_itself():
     assert sensors.joint.update(joint) is joint
 
 
-@every("rate", [25.0, 60.0, 120.0, 333.0, 500.0, 1000.0])
+@pytest.mark.parametrize("rate", [25.0, 60.0, 120.0, 333.0, 500.0, 1000.0])
 def test_rate_gives_that_many_samples_without_drift(rate):
     published = run(suite(slip__rate_hz=rate), 10_000, start_ns=123 * MS)
     assert len(published) == 10 * rate
@@ -63,7 +62,7 @@ def test_a_sensor_faster_than_the_ticks_measures_every_tick():
     assert len(run(suite(slip__rate_hz=5000.0), 50)) == 50
 
 
-@every(("latency_s", "late_ticks"), [(0.0, 0), (0.002, 2), (0.0025, 3), (0.033, 33)])
+@pytest.mark.parametrize(("latency_s", "late_ticks"), [(0.0, 0), (0.002, 2), (0.0025, 3), (0.033, 33)])
 def test_latency_delays_publication_and_keeps_stamp_and_value(latency_s, late_ticks):
     published = run(suite(slip__latency_s=latency_s), 200)
     assert len(published) == 200 - late_ticks
@@ -93,7 +92,7 @@ def test_several_samples_due_at_once_come_oldest_first():
     assert stamps == [0, MS]
 
 
-@every("seed", [0, 7])
+@pytest.mark.parametrize("seed", [0, 7])
 def test_noise_has_the_configured_deviation_and_is_white(seed):
     sensors = suite(
         seed,

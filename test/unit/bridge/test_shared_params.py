@@ -12,7 +12,6 @@ from slip_core.params import ParameterModel, build, parameter_infos
 from slip_core.sensor_params import SlipSensorModel, WrenchSensorModel
 from slip_sim_bridge.params import BridgeParams
 from slip_vic_controller.params.node_params import ControllerNodeParams
-from test.support.every import every
 
 NODES = (BridgeParams, ControllerNodeParams)
 SAME_NAME_OTHER_MEANING = {"mode"}  # what a node does in it
@@ -37,14 +36,16 @@ def quaternion(norm: float) -> tuple[float, ...]:
     return (0.0, 0.6 * norm, 0.0, 0.8 * norm)
 
 
-@every("norm", [1.0, 1.0004, 1.0008, 0.9992, 1.0 + QUATERNION_TOLERANCE * 0.999, 1.0011, 0.9989, 0.0, 2.0])
+@pytest.mark.parametrize(
+    "norm", [1.0, 1.0004, 1.0008, 0.9992, 1.0 + QUATERNION_TOLERANCE * 0.999, 1.0011, 0.9989, 0.0, 2.0]
+)
 def test_both_nodes_take_the_same_quaternions(norm):
     """|q| = 1.0008 once passed the controller, which tests |q|, and was refused by the bridge, which tested |q|^2."""
     expected = abs(norm - 1.0) <= QUATERNION_TOLERANCE
     assert [accepts(model, {"contacts.orientation_xyzw": quaternion(norm)}) for model in NODES] == [expected] * 2
 
 
-@every(
+@pytest.mark.parametrize(
     "values",
     [
         {"contacts.position": (0.0, 0.0)},
@@ -64,7 +65,9 @@ def test_both_nodes_refuse_the_same(values):
     assert [accepts(model, values) for model in NODES] == [False, False]
 
 
-@every("values, expected", (((), (0.0,) * 7), ((2.0,), (2.0,) * 7), (tuple(range(7)), tuple(range(7)))))
+@pytest.mark.parametrize(
+    ("values", "expected"), [((), (0.0,) * 7), ((2.0,), (2.0,) * 7), (tuple(range(7)), tuple(range(7)))]
+)
 def test_a_list_of_the_joints_means_the_same_to_both_nodes(values, expected):
     for model in NODES:
         drive = build(model, {"drive.coulomb": values}, "test").drive

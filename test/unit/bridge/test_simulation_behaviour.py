@@ -7,7 +7,6 @@ import pytest
 
 from slip_core.errors import InputError, SlipVicError
 from slip_sim_bridge.plant import DivergenceError
-from test.support.every import every
 
 from .scenes import Shaker, driven_into_the_stop, scene
 
@@ -110,8 +109,8 @@ def test_applied_effort_accelerates_the_arm_as_the_mass_matrix_says():
     np.testing.assert_allclose(unit - idle, 1e-3 * extra, rtol=0, atol=1e-5)  # M qd = dt extra
 
 
-@every("bad", [np.nan, np.inf, -np.inf])
-@every("joint", [0, 6])
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("joint", [0, 6])
 def test_effort_that_is_not_finite_is_refused_and_the_arm_holds(bad, joint):
     simulation = scene()
     start = simulation.observe().joint.position
@@ -128,7 +127,7 @@ def test_effort_that_is_not_finite_is_refused_and_the_arm_holds(bad, joint):
     assert not simulation.holding
 
 
-@every("size", [0, 6, 8])
+@pytest.mark.parametrize("size", [0, 6, 8])
 def test_effort_of_the_wrong_size_is_an_error_and_nothing_moves(size):
     simulation = scene()
     before, stamp = state_of(simulation), simulation.stamp_ns
@@ -196,7 +195,7 @@ def test_without_grip_there_is_no_friction():
     assert np.abs(simulation.observe().wrench.wrench[[0, 1, 5]]).max() < 1e-3
 
 
-@every("force", [-0.1, np.nan, np.inf])
+@pytest.mark.parametrize("force", [-0.1, np.nan, np.inf])
 def test_bad_grip_force_is_refused(force):
     simulation = scene()
     with pytest.raises(InputError, match="grip force"):

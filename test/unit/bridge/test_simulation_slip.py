@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 from slip_description import urdf_text
 from test.referees.arrays import rotate6, skew
 from test.referees.grasp_twin import GraspTwin
-from test.support.every import every
 
 from .scenes import Shaker, scenario_params, scene
 
@@ -34,7 +33,7 @@ def slips_at_all(history):
     assert np.abs(history).max() > 1e-3, "the scene must really slip"
 
 
-@every(("name", "seed"), SHAKES)
+@pytest.mark.parametrize(("name", "seed"), SHAKES)
 def test_slip_velocity_is_pad_minus_object_material(name, seed):
     """v_s = v_ee - G^T v_o from world-frame twists: v_ee by Pinocchio, v_o and poses from the truth."""
     history = []
@@ -50,7 +49,7 @@ def test_slip_velocity_is_pad_minus_object_material(name, seed):
     slips_at_all(history)
 
 
-@every(("name", "seed"), SHAKES)
+@pytest.mark.parametrize(("name", "seed"), SHAKES)
 def test_slip_displacement_is_the_pose_of_the_pad_in_the_grasp_frame(name, seed):
     history = []
     for simulation, twin in shaken(name, seed):
@@ -65,7 +64,7 @@ def test_slip_displacement_is_the_pose_of_the_pad_in_the_grasp_frame(name, seed)
     slips_at_all(history)
 
 
-@every("seed", [21])
+@pytest.mark.parametrize("seed", [21])
 def test_slip_displacement_integrates_slip_velocity(seed):
     """ds/dt = v_s turned to {p} axes."""
     total, reach, period = np.zeros(6), 0.0, 1e-4
@@ -78,7 +77,7 @@ def test_slip_displacement_integrates_slip_velocity(seed):
     assert reach > 1e-3
 
 
-@every(("name", "seed"), SHAKES)
+@pytest.mark.parametrize(("name", "seed"), SHAKES)
 def test_object_truth_matches_the_twin(name, seed):
     for simulation, twin in shaken(name, seed, ticks=200):
         truth, data = simulation.observe().truth, simulation.plant.data
@@ -90,7 +89,7 @@ def test_object_truth_matches_the_twin(name, seed):
         np.testing.assert_allclose(truth.twist, v_o, rtol=0, atol=EXACT)
 
 
-@every(("name", "seed"), SHAKES)
+@pytest.mark.parametrize(("name", "seed"), SHAKES)
 def test_wrench_is_minus_the_force_that_moves_the_object(name, seed):
     """Newton-Euler of the twin with the step's exact joint accelerations gives the force through the pad: -h_ee."""
     simulation = scene(name)
@@ -111,7 +110,7 @@ def test_wrench_is_minus_the_force_that_moves_the_object(name, seed):
     assert biggest > 1e-3, "the contact must have moved away from where the object was grasped"
 
 
-@every(("name", "seed"), SHAKES)
+@pytest.mark.parametrize(("name", "seed"), SHAKES)
 def test_object_dynamics_by_finite_differences(name, seed):
     """B_o a_o + C_o v_o + g_o = -G h_ee in world axes, a_o from the truth's own twists."""
     period = 1e-4
@@ -138,7 +137,7 @@ def test_object_dynamics_by_finite_differences(name, seed):
         assert np.quantile(residuals[:, half], 0.99) < FIRST_ORDER * sizes[:, half].max()
 
 
-@every(("name", "seed"), SHAKES)
+@pytest.mark.parametrize(("name", "seed"), SHAKES)
 def test_slip_dissipates_exactly_the_friction_law(name, seed):
     """In slip h_ee . v_s = -F(s) s, with s = |(vx, vy, rho wz)|; in stick the load stays below mu_s N."""
     friction, grip = scenario_params(name).friction, scenario_params(name).grip.force
@@ -157,7 +156,7 @@ def test_slip_dissipates_exactly_the_friction_law(name, seed):
     assert slipped > 10
 
 
-@every("seed", [31])
+@pytest.mark.parametrize("seed", [31])
 def test_energy_balance(seed):
     """Kinetic and potential energy change by the work of the efforts and of the slip; error of first order."""
     losses = []

@@ -8,8 +8,6 @@ import math
 import numpy as np
 import pytest
 
-from test.support.every import every
-
 from .contact import NO_STATE, coulomb, stribeck
 from .planar_block import PlanarBlock
 
@@ -22,7 +20,7 @@ BREAK_AWAY = 0.005  # required; one load step is 0.1 %
 STRIBECK = 0.01  # required
 
 
-@every("speed", [0.02, 0.3, 1.0])
+@pytest.mark.parametrize("speed", [0.02, 0.3, 1.0])
 def test_coulomb_block_slides_v2_over_2_mu_g(speed):
     mu, mass, dt = 0.4, 0.5, 1e-3
     block = PlanarBlock(coulomb(mu), mass=mass, normal_force=mass * G0, dt=dt)
@@ -91,8 +89,8 @@ DIRECTIONS = {
 }
 
 
-@every("offset", [(0.0, 0.0), (0.02, 0.01)])
-@every("direction", DIRECTIONS.values())
+@pytest.mark.parametrize("offset", [(0.0, 0.0), (0.02, 0.01)])
+@pytest.mark.parametrize("direction", DIRECTIONS.values())
 def test_break_away_at_mu_n(direction, offset):
     block = PlanarBlock(CURVE, offset=offset, normal_force=3.0)
     unit = np.array(direction) / np.linalg.norm(direction) * np.array([1.0, 1.0, block.rho])
@@ -103,8 +101,8 @@ def test_break_away_at_mu_n(direction, offset):
     assert share == pytest.approx(1.0, rel=BREAK_AWAY)
 
 
-@every("axis", ["x", "diagonal", "x_and_spin"])
-@every("speed", [0.002, 0.02, 0.05, 0.1, 0.3])
+@pytest.mark.parametrize("axis", ["x", "diagonal", "x_and_spin"])
+@pytest.mark.parametrize("speed", [0.002, 0.02, 0.05, 0.1, 0.3])
 def test_stribeck_curve(speed, axis):
     """The load that keeps a block at constant speed is read off by pulling the pads away under a heavy block."""
     block = PlanarBlock(CURVE, mass=1e6, inertia=1e6, normal_force=0.5)
@@ -122,7 +120,7 @@ def vibrating_pads(t, peak_acceleration, hertz=30.0):
     return peak_acceleration / omega * (1.0 - math.cos(omega * t))
 
 
-@every("law", [CURVE, coulomb(0.5)])
+@pytest.mark.parametrize("law", [CURVE, coulomb(0.5)])
 def test_no_drift_in_stick_at_90_percent_load_with_vibration(law):
     """70 % constant load and 20 % vibration at 30 Hz, along x with spin, off centre: 90 % at each peak."""
     block = PlanarBlock(law, offset=(0.02, 0.01), normal_force=3.0)
@@ -143,7 +141,7 @@ def test_vibration_over_the_limit_walks_downhill():
     assert block.slip[0] > 1e-4
 
 
-@every("law", [CURVE, coulomb(0.4)])
+@pytest.mark.parametrize("law", [CURVE, coulomb(0.4)])
 def test_slip_distance_converges_in_first_order(law):
     """A pull above the limit for 0.2 s, then sliding to rest: translation, spin and an offset at once."""
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from test.support.bringup_arm import DRIVES, ERRORS, SCENARIOS, SENSORS, Error, Loop, bring_up
-from test.support.every import every
 
 
 def test_a_wrong_sign_ends_the_walk_where_the_weight_shows_it() -> None:
@@ -53,7 +52,7 @@ def _effort_of_a_posture_beside(system: Loop) -> np.ndarray:
 
 @pytest.mark.long
 @pytest.mark.timeout(1800)
-@every("scenario, sensor", [(scenario, sensor) for scenario in SCENARIOS for sensor in SENSORS])
+@pytest.mark.parametrize(("scenario", "sensor"), [(scenario, sensor) for scenario in SCENARIOS for sensor in SENSORS])
 def test_nothing_is_found_where_nothing_is_wrong(scenario: str, sensor: str) -> None:
     found, _ = bring_up(Loop(scenario, sensor, seed=1))
     assert found[-1].holds, str(found[-1])
@@ -62,7 +61,7 @@ def test_nothing_is_found_where_nothing_is_wrong(scenario: str, sensor: str) -> 
 
 @pytest.mark.long
 @pytest.mark.timeout(1800)
-@every("drive", DRIVES[1:])
+@pytest.mark.parametrize("drive", DRIVES[1:])
 def test_nothing_is_found_where_drives_are_as_they_are(drive: str) -> None:
     found, _ = bring_up(Loop(sensor="vision_60", seed=1, drive=drive))
     assert found[-1].holds, str(found[-1])
@@ -71,6 +70,6 @@ def test_nothing_is_found_where_drives_are_as_they_are(drive: str) -> None:
 
 @pytest.mark.long
 @pytest.mark.timeout(1800)
-@every("name", ERRORS)
+@pytest.mark.parametrize("name", ERRORS)
 def test_every_scripted_error_is_found(name: str) -> None:
     assert not bring_up(Loop(error=ERRORS[name]))[0][-1].holds

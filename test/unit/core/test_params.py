@@ -11,7 +11,6 @@ from slip_core.errors import InputError
 from slip_core.params import build, parameter_infos
 from slip_vic.scenarios.scenario import NODES
 from slip_vic_controller.params.controller_params import ControllerParams
-from test.support.every import every
 from test.support.one_arm import one_arm
 from test.support.small_arm import small_arm_urdf
 
@@ -63,7 +62,7 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
 ]
 
 
-@every("values, words", BAD)
+@pytest.mark.parametrize(("values", "words"), BAD)
 def test_bad_parameters_give_one_clear_line(values: dict[str, Any], words: list[str]) -> None:
     with pytest.raises(InputError) as caught:
         one_arm(build(ControllerParams, values, "test.yaml"), small_arm_urdf(), lockstep=True)

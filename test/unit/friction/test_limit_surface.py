@@ -18,7 +18,6 @@ from slip_core.vectors import Vec
 from slip_sim_bridge.friction import law_names
 from slip_sim_bridge.friction.limit_surface import MOST_SUBSTEPS, projection
 from slip_sim_bridge.friction.params import FrictionParams
-from test.support.every import every
 from test.unit.bridge.contact import coulomb, stribeck, upper
 
 ROUNDING = 1e-9  # relative; conditioning of the drawn A up to 1e4 times double rounding, with room
@@ -230,7 +229,7 @@ def test_nothing_moves_nothing_pushes():
     assert (out.force == 0.0).all()
 
 
-@every(
+@pytest.mark.parametrize(
     ("values", "word"),
     [
         ({"mu_s": 0.3, "mu_k": 0.4}, "mu_s"),

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 from slip_sim_bridge.friction.lugre import flowing_share
 from test.support.call import call
-from test.support.every import every
 from test.unit.bridge.contact import lugre, stribeck
 from test.unit.bridge.planar_block import PlanarBlock
 
@@ -48,7 +47,7 @@ def ramped(t, level, seconds=0.5):
     return level * min(1.0, t / seconds)
 
 
-@every("axis", DIRECTIONS)
+@pytest.mark.parametrize("axis", DIRECTIONS)
 def test_no_drift_at_90_percent_load_with_vibration(axis):
     """Load up to 70 %, +-20 % at 30 Hz for 2 s: whole periods apart, the pad is where it was."""
     block = PlanarBlock(LAW, normal_force=NORMAL_FORCE)
@@ -73,7 +72,7 @@ def test_without_an_elastic_range_the_same_load_drifts():
     assert block.slip[0] - before > 1000 * DRIFT_M
 
 
-@every("axis", DIRECTIONS)
+@pytest.mark.parametrize("axis", DIRECTIONS)
 def test_break_away_at_mu_n(axis):
     block = PlanarBlock(LAW, normal_force=NORMAL_FORCE)
     peak = 0.0
@@ -86,7 +85,7 @@ def test_break_away_at_mu_n(axis):
     assert np.linalg.norm(block.slip) > 100 * FULL_STRETCH, "it did break loose"
 
 
-@every("speed", [0.002, 0.02, 0.05, 0.1, 0.3])
+@pytest.mark.parametrize("speed", [0.002, 0.02, 0.05, 0.1, 0.3])
 def test_steady_sliding_follows_the_stribeck_curve(speed):
     block = PlanarBlock(LAW, mass=1e6, inertia=1e6, normal_force=NORMAL_FORCE)
     for _ in range(200):
@@ -146,8 +145,8 @@ def test_every_step_is_consistent_and_bounded(v_free, stretch, normal_force, dt,
         np.testing.assert_allclose(plastic, 0.0, atol=ROUNDING * (np.linalg.norm(u) + full / dt))
 
 
-@every("dt", [1e-4, 1e-3, 1e-2])
-@every("stiffness", [1e3, 1e5, 1e7])
+@pytest.mark.parametrize("dt", [1e-4, 1e-3, 1e-2])
+@pytest.mark.parametrize("stiffness", [1e3, 1e5, 1e7])
 def test_stable_at_any_stiffness_and_step(stiffness, dt):
     """A sliding block comes to rest and its bristle energy only decays, with the stiffest bristles and long steps."""
     block = PlanarBlock(lugre(stiffness, 2 * math.sqrt(stiffness * 0.5)), normal_force=NORMAL_FORCE, dt=dt)
@@ -167,11 +166,11 @@ def test_a_loosened_grip_lets_the_bristles_go():
     assert np.linalg.norm(out.state) <= FULL_STRETCH / 2 * (1.0 + ROUNDING)
 
 
-@every(
+@pytest.mark.parametrize(
     "law",
     [CURVE, LAW, stribeck(0.0, 0.0), lugre(1e6, 1e3, mu_s=0.0, mu_k=0.0, viscous=0.1)],
 )
-@every("v", [(0.1, 0.0, 2.0), (1e-200, 0.0, 0.0), (1e30, 0.0, 0.0), (math.nan, 0.0, 0.0)])
+@pytest.mark.parametrize("v", [(0.1, 0.0, 2.0), (1e-200, 0.0, 0.0), (1e30, 0.0, 0.0), (math.nan, 0.0, 0.0)])
 def test_no_input_raises_in_the_hot_path(law, v):
     """No friction at all, underflow, overflow, not a number: the answer is a solution, finite for finite input."""
     out = law.contact(np.array(v), 1e-3 * np.diag([2.0, 2.0, 500.0]), 1.0)

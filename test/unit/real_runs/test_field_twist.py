@@ -8,7 +8,6 @@ import pytest
 from examples.tactile_adapters.conversions import taxel_places
 from examples.tactile_adapters.field_twist import planar_twist
 from slip_core.errors import InputError
-from test.support.every import every
 
 GRID = taxel_places(4, 4, 4.7e-3)[:, :2]
 LINEAR, ANGULAR = np.array([0.3, -0.2]), 40.0
@@ -26,7 +25,7 @@ def test_exact_on_a_rigid_field():
     assert twist.residual < 1e-12
 
 
-@every("seed", range(5))
+@pytest.mark.parametrize("seed", range(5))
 def test_any_points_and_any_place_of_the_pad(seed):
     """A twist is one body's: fitted anywhere, it moves every point as the body moves it."""
     rng = np.random.default_rng(seed)
@@ -37,7 +36,7 @@ def test_any_points_and_any_place_of_the_pad(seed):
     np.testing.assert_allclose(again, field, atol=1e-9)
 
 
-@every("count", (1, 2, 3, 4))
+@pytest.mark.parametrize("count", [1, 2, 3, 4])
 def test_outliers_hardly_turn_it(count):
     """A dead taxel and a stuck one at full scale: plain least squares is off by a multiple, this by little."""
     rng = np.random.default_rng(count)
@@ -78,12 +77,12 @@ def test_a_field_that_is_not_rigid_has_a_residual():
     assert twist.residual > 0.1
 
 
-@every("points, field", (
+@pytest.mark.parametrize(("points", "field"), [
     (GRID, np.zeros((15, 2))),
     (GRID[:1], np.zeros((1, 2))),
     (np.zeros((4, 2)), np.ones((4, 2))),
     (GRID, np.full((16, 2), np.nan)),
-))  # fmt: skip
+])  # fmt: skip
 def test_refuses_what_has_no_answer(points, field):
     with pytest.raises(InputError, match="tactile field"):
         planar_twist(points, field)

@@ -10,7 +10,6 @@ import pytest
 from click.testing import CliRunner
 
 from slip_core.errors import InputError
-from test.support.every import every
 from tools.real_data import calibrate
 from tools.real_data.cross import at_peak, predictions, rms_deg
 from tools.real_data.grasp import NAMES, lost_at, simulate, values
@@ -39,7 +38,7 @@ def write_run(folder, run, rows=None):
     return folder
 
 
-@every("run, peak", zip(RUNS, PEAKS, strict=True))
+@pytest.mark.parametrize(("run", "peak"), list(zip(RUNS, PEAKS, strict=True)))
 def test_table_holds_the_runs(run, peak):
     assert np.percentile(np.abs(run.acceleration), 97) == pytest.approx(peak, rel=0.06)
     assert (np.diff(run.time) > 0.0).all()
@@ -53,7 +52,7 @@ def test_calibration_belongs_to_the_table():
     assert ENSEMBLE.standard.shape == (len(FILE["costs"]), len(NAMES))
 
 
-@every("index", range(len(RUNS)))
+@pytest.mark.parametrize("index", range(len(RUNS)))
 def test_best_member_follows_every_run(index):
     """One set of parameters and one tilt and grip per run: rotation within 1 degree rms, kept or lost as it was."""
     run, of_run = RUNS[index], np.array(FILE["of_runs"][0][index])
@@ -125,14 +124,14 @@ def test_damaged_files_change_little(tmp_path):
     assert np.abs(np.interp(usual.time, other.time, other.rotation) - usual.rotation).max() < 0.5
 
 
-@every("text, word", (
+@pytest.mark.parametrize(("text", "word"), [
     ("", "no column"),
     ("time,ee_T_03\n0,1\n", "no column ee_T_13"),
     ("time,ee_T_03,ee_T_13\n" + "0.0,1,1\n" * 40, "usable rows"),
     ("time,ee_T_03,ee_T_13\n" + "".join(f"{16_666_667 * i},1,1\n" for i in range(40)), "stamps in seconds"),
     ("time,ee_T_03,ee_T_13\n" + "".join(f"{i / 60},{1e9 * (i % 2)},1\n" for i in range(40)), "in metres"),
     ('time,ee_T_03,ee_T_13\n"' + "1" * 200_000, "field larger"),
-))  # fmt: skip
+])  # fmt: skip
 def test_files_that_are_no_run(tmp_path, text, word):
     (tmp_path / "robot_state.csv").write_text(text)
     with pytest.raises(InputError, match=word):

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 SRC = Path(__file__).parents[3] / "src/slip_vic_controller/slip_vic_controller"
-FOLDERS = ("law", "observer", "reference", "safety")
+FOLDERS = ("law", "contact", "path", "governor", "safety")
 FILES = sorted(path for folder in FOLDERS for path in (SRC / folder).rglob("*.py"))
 EQUATIONS = {1, 7, 8, 10, 11, 12, 13, 14, 17, 18, 21, 23, 24, 28, 29, 30}
 """What the paper's law consists of."""

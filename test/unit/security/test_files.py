@@ -35,7 +35,6 @@ from slip_vic.scenarios.scenario import load_scenario
 from slip_vic.setup.arm.write import Arm
 from slip_vic_controller.arm.robot import Robot
 from test.support.bag_maker import make_bag
-from test.support.every import every
 
 SRC = Path(__file__).parents[3] / "src"
 ROOM = 32 << 20  # bytes of address space beyond what is there: a bomb needs more
@@ -57,8 +56,8 @@ def little_memory() -> Iterator[None]:
 # -- YAML -------------------------------------------------------------------------------------------------------------
 
 
-@every(
-    "text, what",
+@pytest.mark.parametrize(
+    ("text", "what"),
     [
         ("[" * 200_000, "nested"),
         ("{a: " * 200_000, "nested"),
@@ -133,8 +132,8 @@ SECOND = '<joint name="again" type="fixed"><parent link="l0"/><child link="l2"/>
 RING = '<joint name="back" type="fixed"><parent link="l3"/><child link="l0"/></joint>'
 
 
-@every(
-    "text, what",
+@pytest.mark.parametrize(
+    ("text", "what"),
     [
         (row_of_links(5000), "links"),
         (row_of_links(500), "joints in a row"),
@@ -189,7 +188,7 @@ def test_the_largest_tree_within_the_bounds_is_no_trouble_to_the_libraries() -> 
 # -- bags -------------------------------------------------------------------------------------------------------------
 
 
-@every("name", ["../secret.mcap", "/etc/passwd", "a/../../secret.mcap"])
+@pytest.mark.parametrize("name", ["../secret.mcap", "/etc/passwd", "a/../../secret.mcap"])
 def test_a_bag_names_no_file_outside_of_its_folder(name: str, tmp_path: Path) -> None:
     folder = tmp_path / f"bag_{len(name)}"
     make_bag(folder, count=2)
