@@ -1,13 +1,7 @@
-"""A system for the bring-up without DDS: bridge and controller in this process, and scripted errors between them.
-
-python test/support/bringup_arm.py healthy --runs 50       # nothing is wrong: nothing may be found
-python test/support/bringup_arm.py errors                  # each error must be found
-"""
+"""A system for the bring-up without DDS: bridge and controller in this process, and scripted errors between them."""
 
 from __future__ import annotations
 
-import argparse
-import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -258,36 +252,3 @@ ERRORS = {
     "started at work": Error(("controller.safety.auto_enable=true",)),
     "friction: none left": Error(("bridge.friction.mu_s=0.08", "bridge.friction.mu_k=0.06")),
 }
-
-
-def healthy(first: int, runs: int) -> int:
-    """Bring up systems with nothing wrong, every scenario with every sensor and drives; return how often one fails."""
-    wrong = 0
-    for run in range(first, first + runs):
-        scenario, sensor = SCENARIOS[run % len(SCENARIOS)], SENSORS[run // len(SCENARIOS) % len(SENSORS)]
-        drive = DRIVES[run % len(DRIVES)]
-        last = bring_up(Loop(scenario, sensor, seed=run, drive=drive))[0][-1]
-        wrong += not last.holds
-        print(f"{run}: {scenario}, {sensor}, {drive or 'ideal'}: {last}", flush=True)
-    print(f"healthy: {wrong} of {runs} runs found an error that is none")
-    return wrong
-
-
-def errors() -> int:
-    """Bring up a system with each error; return how many were not found."""
-    kept = 0
-    for name, error in ERRORS.items():
-        last = bring_up(Loop(error=error))[0][-1]
-        kept += last.holds
-        print(f"{name}: {'NOT FOUND' if last.holds else 'found'}: {last}", flush=True)
-    print(f"errors: {len(ERRORS) - kept} of {len(ERRORS)} found")
-    return kept
-
-
-if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", choices=["healthy", "errors"])
-    parser.add_argument("--runs", type=int, default=50)
-    parser.add_argument("--first", type=int, default=0)
-    given = parser.parse_args()
-    sys.exit(1 if (errors() if given.what == "errors" else healthy(given.first, given.runs)) else 0)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -10,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from slip_vic.scenarios.scenario import Law, load_scenario
-from test.support.watched_loop import Watched, WatchedLoop, print_slips, with_joints
+from test.support.watched_loop import Watched, WatchedLoop, with_joints
 
 DRIVES = ("ideal", "torque_joint", "motor_current", "velocity_500", "position_250")
 MOVES_MS = {"paper_planar": 1500, "vertical_plane": 1200, "glass_transport": 900}
@@ -72,8 +71,3 @@ def fail(what: str, scenario: str, drive: str, law: Law, lasts_ms: int = LASTS_M
         return FAILURES[what](arm, kept[0])
 
     return run.watch(lasts_ms, sensed)
-
-
-if __name__ == "__main__":
-    asked = [drive for drive in DRIVES if not sys.argv[1:] or drive in sys.argv[1:]]
-    print_slips("failure", FAILURES, sorted(MOVES_MS), asked, fail)

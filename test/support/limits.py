@@ -1,8 +1,7 @@
-"""What a controller asks of the arm in a scenario: ``python test/support/limits.py table``, shown in docs/safety.md."""
+"""What a controller requires of the arm in a scenario."""
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -13,13 +12,8 @@ from slip_vic.scenarios.scenario import Law, Scenario, load_scenario
 from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.safety.modes import Mode
 
-SCENARIOS = ("paper_planar", "vertical_plane", "glass_transport")
 LONG_ENOUGH = "bridge.duration_s=2.5"
 """All paths have ended by then."""
-FREE = (
-    "controller.safety.limits.effort_rate=1e6", "controller.safety.limits.velocity_scale=10.0", "bridge.effort_rate=1e6"
-)  # fmt: skip
-"""Limits that limit nothing."""
 
 
 @dataclass
@@ -63,29 +57,3 @@ def asked(scenario: Scenario) -> Asked:
 
 def shipped(name: str, kind: Law, assignments: Iterable[str] = ()) -> Scenario:
     return load_scenario(name, law=kind, assignments=(LONG_ENOUGH, *assignments))
-
-
-def table() -> None:
-    rows = ("| scenario | law | slope | of the velocity limits | ends | peak slip |", "|---|---|---|---|---|---|")
-    print(*rows, sep="\n")
-    for name in SCENARIOS:
-        for words, kind, assignments in (
-            ("classical", "classical", ()),
-            ("printed, limits of the arm", "vic", ("controller.gains.spin=follow",)),
-            ("printed, no limits", "vic", ("controller.gains.spin=follow", *FREE)),
-            ("`bounded`", "vic", ("controller.gains.spin=bounded",)),
-            ("governed", "governed", ()),
-        ):
-            found = asked(shipped(name, kind, assignments))
-            print(
-                f"| `{name}` | {words} | {found.slope:.0f} N m/s | {100 * found.velocity:.0f} % | {found.end} "
-                f"| {1e3 * found.slip_m:.2f} mm |",
-                flush=True,
-            )
-
-
-if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", choices=["table"])
-    parser.parse_args()
-    table()

@@ -1,9 +1,8 @@
-"""What two arms do when their controller is paused: prints the table of docs/results.md."""
+"""What two arms do when their controller is paused."""
 
 from __future__ import annotations
 
 import dataclasses
-import itertools
 
 import numpy as np
 
@@ -11,13 +10,8 @@ from slip_core.types import JointCommand
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.session.controller import Controller
 from slip_vic_controller.session.session import ControllerSession
-from test.campaigns.faults.pair import SCENARIOS, STEADY_NS
+from test.campaigns.faults.pair import STEADY_NS
 
-PAUSES: tuple[tuple[tuple[float, float], ...], ...] = (
-    (), ((0.3, 0.4),), ((0.3, 0.5),), ((0.3, 0.6),), ((0.3, 0.4), (0.8, 0.95)), ((0.5, 0.8),),
-)  # fmt: skip
-"""From when to when the controller does not run [s]."""
-RATES_HZ = (50, 100)
 ENDS_S, LAST_S = 2.0, 0.3
 
 
@@ -54,17 +48,3 @@ def fastest_joint(name: str, rate_hz: int, pauses: tuple[tuple[float, float], ..
                         newest[side] = dataclasses.replace(result.command, stamp_ns=stamp_ns)
         bridge.advance(newest)
     return max(speeds), max(speeds[-round(LAST_S * rate_hz) :])
-
-
-def main() -> None:
-    """Print a row for each scenario and rate."""
-    shown = [", ".join(f"{begins_s:g} to {ends_s:g} s" for begins_s, ends_s in pauses) or "none" for pauses in PAUSES]
-    print("|".join(("", " scenario ", " rate ", *(f" {text} " for text in shown), "")))
-    print("|---" * (2 + len(PAUSES)) + "|")
-    for name, rate_hz in itertools.product(SCENARIOS, RATES_HZ):
-        cells = [" {:.1f}, {:.1f} ".format(*fastest_joint(name, rate_hz, pauses)) for pauses in PAUSES]
-        print("|".join(("", f" {name} ", f" {rate_hz} Hz ", *cells, "")), flush=True)
-
-
-if __name__ == "__main__":
-    main()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from slip_core.arrays import Array
 from slip_core.types import JointSample
 from slip_vic.run.in_process import ClosedLoop
-from slip_vic.scenarios.scenario import Law, Scenario
+from slip_vic.scenarios.scenario import Scenario
 from slip_vic_controller.session.cycle_result import CycleResult
 
 Change = Callable[[Any], Any]
@@ -64,25 +64,3 @@ class WatchedLoop:
 def with_joints(arm: Any, q: Array, qd: Array) -> Any:
     """Return the samples of an arm with other joint positions and velocities (n,) [rad], [rad/s]."""
     return arm._replace(joint=JointSample(arm.joint.stamp_ns, q, qd, arm.joint.effort))
-
-
-def print_slips(
-    what: str, names: Iterable[str], scenarios: Sequence[str], drives: Sequence[str],
-    watched: Callable[[str, str, str, Law], Watched],
-) -> None:  # fmt: skip
-    """Print a row for each name, law and scenario: slip [mm] by drive, and the fastest joint of all [rad/s].
-
-    Args:
-        what: heading of the names.
-        names, scenarios, drives: of the runs.
-        watched: runs one, by name, scenario, drive and law.
-    """
-    laws: tuple[Law, ...] = ("governed", "vic")
-    print(f"| {what} | law | scenario | {' | '.join(drives)} | fastest joint |")
-    print("|---" * (4 + len(drives)) + "|")
-    for name in names:
-        for law in laws:
-            for scenario in scenarios:
-                runs = [watched(name, scenario, drive, law) for drive in drives]
-                slips = " | ".join(f"{1e3 * run.slip:.1f}" for run in runs)
-                print(f"| {name} | {law} | {scenario} | {slips} | {max(r.fastest for r in runs):.1f} |", flush=True)

@@ -15,7 +15,7 @@ def test_refused_options_are_reported(capsys: pytest.CaptureFixture[str], monkey
     options = ProcessOptions((9998, 9999), fifo=1000, lock_memory=True)
     assert options.arguments() == ["--cpu", "9998,9999", "--fifo", "1000", "--lock-memory"]
     monkeypatch.setattr(sys, "argv", [])
-    main([*ProcessOptions((9998, 9999), fifo=1000).arguments(), "test.support.every", "--", "word"])
+    main([*ProcessOptions((9998, 9999), fifo=1000).arguments(), "test.support.call", "--", "word"])
     lines = "".join(capsys.readouterr())
     assert "core 9998, 9999 is not available" in lines
     assert "SCHED_FIFO 1000 is not permitted" in lines
