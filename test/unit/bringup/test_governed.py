@@ -203,22 +203,6 @@ class Pushed:
         return float(np.linalg.norm(self.outputs.truth.slip_displacement[:3]))
 
 
-def test_what_a_push_has_taught_of_friction_is_forgotten_at_the_operators_word() -> None:
-    pushed = Pushed("vertical_plane", 5.0, at=5)
-    configured = 2.308
-    pushed.run(500)
-    assert pushed.governor.friction_limit < 0.9 * configured
-    assert pushed.result.mode == Mode.HOLD
-    assert pushed.result.reason.startswith("friction cannot carry the object")
-    slipped = pushed.slipped()
-    pushed.request(Request.RESET_FAULT)
-    assert pushed.governor.friction_limit > 0.99 * configured
-    pushed.run(2000)
-    assert pushed.result.mode == Mode.ACTIVE, pushed.result.reason
-    assert pushed.governor.path_s > 0.999 * 0.8
-    assert pushed.slipped() < slipped + HELD_M
-
-
 def test_friction_forgotten_on_the_way_leaves_the_path_where_it_is() -> None:
     pushed = Pushed("vertical_plane", 5.0, at=150)
     pushed.request(Request.HOLD)
@@ -230,7 +214,7 @@ def test_friction_forgotten_on_the_way_leaves_the_path_where_it_is() -> None:
     assert pushed.governor.friction_limit > 1.02 * learnt
     assert pushed.governor.path_s == pytest.approx(s, rel=1e-12)
     pushed.request(Request.ENABLE)
-    assert pushed.governor.path_s == pytest.approx(s, rel=1e-12), "it is planned anew first"
+    assert pushed.governor.path_s == pytest.approx(s, abs=1e-6), "it continues from there"
     pushed.run(2000)
     assert pushed.result.mode == Mode.ACTIVE, pushed.result.reason
     assert pushed.governor.path_s > 0.999 * 0.8
