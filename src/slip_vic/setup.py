@@ -25,7 +25,6 @@ setup(
         "click",
         "matplotlib",
         "numpy",
-        "mcap-ros2-support",
         "pandas",
         "psutil",
         "pydantic",
