@@ -1,6 +1,6 @@
 """Timing as data: the spread of the last values of a measured time, and the levels at which it is worth a warning.
 
-The levels are those of ros2_control's controller manager (its documented defaults, all changeable here): errors of
+The levels are those of ros2_control's controller manager (its documented defaults): errors of
 the mean rate and deviation of the rate in Hz, mean and deviation of the execution time in seconds.
 """
 
@@ -9,31 +9,15 @@ from __future__ import annotations
 import numpy as np
 
 from slip_core.arrays import Array
-from slip_core.params import ParameterModel, parameter
 
 OK, WARN, ERROR = 0, 1, 2
 _LEVEL_TEXT = ("within limits", "beyond the warning level", "beyond the error level")
 
 
-class TimingParams(ParameterModel):
-    """When timing is worth a warning; the defaults are ros2_control's."""
-
-    rate_error_warn_hz: float = parameter(5.0, "error of the mean cycle rate: warning above", unit="Hz", gt=0.0)
-    rate_error_error_hz: float = parameter(10.0, "error of the mean cycle rate: error above", unit="Hz", gt=0.0)
-    rate_deviation_warn_hz: float = parameter(
-        5.0, "standard deviation of the cycle rate: warning above", unit="Hz", gt=0.0
-    )
-    rate_deviation_error_hz: float = parameter(
-        10.0, "standard deviation of the cycle rate: error above", unit="Hz", gt=0.0
-    )
-    compute_warn_s: float = parameter(1.0e-3, "mean compute time of a cycle: warning above", unit="s", gt=0.0)
-    compute_error_s: float = parameter(2.0e-3, "mean compute time of a cycle: error above", unit="s", gt=0.0)
-    compute_deviation_warn_s: float = parameter(
-        1.0e-4, "standard deviation of the compute time: warning above", unit="s", gt=0.0
-    )
-    compute_deviation_error_s: float = parameter(
-        2.0e-4, "standard deviation of the compute time: error above", unit="s", gt=0.0
-    )
+RATE_ERROR_HZ, RATE_DEVIATION_HZ = (5.0, 10.0), (5.0, 10.0)
+"""Error of the mean rate of the cycle and its standard deviation: warning and error above [Hz]."""
+COMPUTE_S, COMPUTE_DEVIATION_S = (1e-3, 2e-3), (1e-4, 2e-4)
+"""Mean compute time of a cycle and its standard deviation: warning and error above [s]."""
 
 
 class Window:
@@ -70,7 +54,7 @@ def spread(values: Array) -> dict[str, float]:
     }
 
 
-def rate_level(periods_s: Array, nominal_s: float, limits: TimingParams) -> tuple[int, str]:
+def rate_level(periods_s: Array, nominal_s: float) -> tuple[int, str]:
     """Return level and text for the rate of a cycle, from its last periods; (k,) [s]."""
     positive = periods_s[periods_s > 0.0]
     if len(positive) < 2:
@@ -78,20 +62,20 @@ def rate_level(periods_s: Array, nominal_s: float, limits: TimingParams) -> tupl
     rates = 1.0 / positive
     error, deviation = abs(float(rates.mean()) - 1.0 / nominal_s), float(rates.std())
     level = max(
-        level_of(error, limits.rate_error_warn_hz, limits.rate_error_error_hz),
-        level_of(deviation, limits.rate_deviation_warn_hz, limits.rate_deviation_error_hz),
+        level_of(error, *RATE_ERROR_HZ),
+        level_of(deviation, *RATE_DEVIATION_HZ),
     )
     return level, f"rate {_LEVEL_TEXT[level]}: mean off by {error:.1f} Hz, deviation {deviation:.1f} Hz"
 
 
-def compute_level(times_s: Array, limits: TimingParams) -> tuple[int, str]:
+def compute_level(times_s: Array) -> tuple[int, str]:
     """Return level and text for the compute time of a cycle, from its last values; (k,) [s]."""
     if not len(times_s):
         return OK, "compute time: too few cycles"
     mean, deviation = float(times_s.mean()), float(times_s.std())
     level = max(
-        level_of(mean, limits.compute_warn_s, limits.compute_error_s),
-        level_of(deviation, limits.compute_deviation_warn_s, limits.compute_deviation_error_s),
+        level_of(mean, *COMPUTE_S),
+        level_of(deviation, *COMPUTE_DEVIATION_S),
     )
     return level, f"compute time {_LEVEL_TEXT[level]}: mean {mean * 1e6:.0f} us, deviation {deviation * 1e6:.0f} us"
 

@@ -12,12 +12,12 @@ from slip_core.errors import InputError
 from slip_core.matrices import product
 from slip_core.records import new, record
 from slip_core.stamps import seconds_to_ns
-from slip_vic_controller.arm.command import Interface
+from slip_vic_controller.arm.command import LEAD, Interface
 from slip_vic_controller.arm.config import estimator_config, velocity_correlation
 from slip_vic_controller.arm.joint_estimate import ESTIMATOR_CONFIG
 from slip_vic_controller.arm.plausibility import BLIND_S
 from slip_vic_controller.arm.robot import Robot
-from slip_vic_controller.arm.tare import TareConfig
+from slip_vic_controller.arm.tare import MOST_VELOCITY_BIAS, STILL, TareConfig
 from slip_vic_controller.contact.config import observer_config, witnesses
 from slip_vic_controller.contact.layouts import OBSERVER_CONFIG
 from slip_vic_controller.governor.friction_estimate import Friction
@@ -41,10 +41,19 @@ from slip_vic_controller.params.interface_params import GripParams
 from slip_vic_controller.params.safety_params import InputParams, SafetyParams, WatchParams
 from slip_vic_controller.path.goals import GoalsConfig
 from slip_vic_controller.path.paths import PATH, make_path
-from slip_vic_controller.safety.drop_detection import DropDetectionConfig
-from slip_vic_controller.safety.hold import LEAST_LOAD, HoldConfig
-from slip_vic_controller.safety.limit_avoidance import BRAKED_FROM
-from slip_vic_controller.safety.validation import VectorLimits
+from slip_vic_controller.safety.drop_detection import FALLS_WITHIN_S, DropDetectionConfig
+from slip_vic_controller.safety.effort_limiter import LONGEST_STEP_S, RESTART_AFTER_S
+from slip_vic_controller.safety.hold import LEAST_LOAD, LOAD_S, HoldConfig
+from slip_vic_controller.safety.limit_avoidance import BRAKE_SHARE, BRAKED_FROM, TRIP_SHARE
+from slip_vic_controller.safety.validation import (
+    ACCEPT_AFTER,
+    CLOCK_JUMP_S,
+    FASTEST,
+    FUTURE_S,
+    JUMP,
+    SLACK,
+    VectorLimits,
+)
 from slip_vic_controller.state import CONFIG, ControllerConfig, CycleConfig
 
 PATH_MARGIN, GIVEN_UP, KEPT = 0.97, 0.985, 0.95
@@ -171,7 +180,7 @@ def _fill_tare(tare: TareConfig, given: TareParams, joints: int) -> None:
     tare.duration_ns, tare.joints = seconds_to_ns(given.duration_s), joints
     tare.slip_linear, tare.slip_angular = given.slip_linear, given.slip_angular
     tare.force, tare.torque = given.force, given.torque
-    tare.velocity, tare.still = given.velocity, given.still
+    tare.velocity, tare.still = MOST_VELOCITY_BIAS, STILL
 
 
 def _check_internal_gain(params: ControllerParams) -> None:
@@ -232,12 +241,11 @@ def _fill_cycle(cycle: CycleConfig, params: ControllerParams, joints: int) -> No
         raise InputError("parameter nullspace.posture", got=f"{len(posture)} values", expected=f"{joints} or none")
     cycle.period_ns = round(1e9 * params.control_period_s)
     cycle.late_ns = seconds_to_ns(safety.inputs.joint.late_s)
-    cycle.slow_down_s, cycle.joint_damping = safety.fallback.slow_down_s, safety.joint_damping
+    cycle.slow_down_s = safety.fallback.slow_down_s
     cycle.start_s = params.trajectory.start_s
     cycle.posture_given = int(bool(posture))
     cycle.posture[: len(posture)] = posture
     cycle.has_observer = int(params.slip_estimator == "observer")
-    cycle.corrects_follow = int(params.observer.correct_follow)
     cycle.dead_band_linear, cycle.dead_band_angular = dead_band.dead_band_linear, dead_band.dead_band_angular
     cycle.pad_stiffness = params.gains.pad_stiffness
     cycle.slip_delay_ns, cycle.gate_shut = (
@@ -267,14 +275,14 @@ def _fill_inputs(config: ControllerConfig, params: ControllerParams, robot: Robo
     inputs = params.safety.inputs
     n, joint, limits = len(robot.joint_names), inputs.joint, config.joint
     limits.lower[:n], limits.upper[:n] = (
-        robot.position_lower - joint.position_slack,
-        robot.position_upper + joint.position_slack,
+        robot.position_lower - SLACK,
+        robot.position_upper + SLACK,
     )
-    limits.fastest[:n] = robot.velocity_limit * joint.velocity_factor
-    limits.jump, limits.clock_jump_ns = joint.jump, round(inputs.clock_jump_s * 1e9)
-    limits.age_ns, limits.frozen_ns = round(joint.age_s * 1e9), round(joint.frozen_s * 1e9)
-    limits.accept_after = 1 if lockstep else inputs.accept_after
-    limits.still = params.joint_sensor.quantum_position / joint.frozen_s
+    limits.fastest[:n] = robot.velocity_limit * FASTEST
+    limits.jump, limits.clock_jump_ns = JUMP, round(CLOCK_JUMP_S * 1e9)
+    limits.age_ns, limits.frozen_ns = round(joint.age_s * 1e9), round(inputs.frozen_s * 1e9)
+    limits.accept_after = 1 if lockstep else ACCEPT_AFTER
+    limits.still = params.joint_sensor.quantum_position / inputs.frozen_s
     wrench, slip = inputs.wrench, inputs.slip
     zero_after = params.wrench.zero_after
     _fill_vector(config.wrench, inputs, wrench, (wrench.force, wrench.torque), zero_is_normal=0, zero_after=zero_after)
@@ -294,8 +302,8 @@ def _fill_vector(
     zero_is_normal: int,
     zero_after: int = 0,
 ) -> None:
-    limits.age_ns, limits.frozen_ns = round(params.age_s * 1e9), round(params.frozen_s * 1e9)
-    limits.future_ns, limits.zero_is_normal = round(inputs.future_s * 1e9), zero_is_normal
+    limits.age_ns, limits.frozen_ns = round(params.age_s * 1e9), round(inputs.frozen_s * 1e9)
+    limits.future_ns, limits.zero_is_normal = round(FUTURE_S * 1e9), zero_is_normal
     limits.linear, limits.angular = largest
     limits.zero_after = zero_after
 
@@ -311,7 +319,7 @@ def _fill_modes(config: ControllerConfig, params: ControllerParams) -> None:
     unseen_s = min(safety.inputs.bridge_s + safety.fallback.slow_down_s, UNSEEN_SHARE * BLIND_S)
     arbitration.unseen_ns = seconds_to_ns(unseen_s)
     arbitration.gap_ns = seconds_to_ns(safety.inputs.joint.age_s)
-    arbitration.late_after, arbitration.saturated_ns = safety.inputs.accept_after, seconds_to_ns(safety.saturated_s)
+    arbitration.late_after = ACCEPT_AFTER
     arbitration.slip_needed = int(params.controller == "vic")
     arbitration.blind_ns = seconds_to_ns(CONTRADICTS_S + params.slip_sensor.latency_s + params.slip_sensor.period_s)
     arbitration.resume_slip_linear = safety.resume_slip_linear
@@ -324,18 +332,18 @@ def _fill_limits(config: ControllerConfig, safety: SafetyParams, robot: Robot, p
     motion.near_lower[:n] = robot.position_lower + limits.position_margin
     motion.near_upper[:n] = robot.position_upper - limits.position_margin
     motion.margin, motion.velocity[:n] = limits.position_margin, velocity
-    motion.brake_from[:n], motion.trip[:n] = velocity * limits.velocity_brake, velocity * limits.velocity_trip
+    motion.brake_from[:n], motion.trip[:n] = velocity * BRAKE_SHARE, velocity * TRIP_SHARE
     motion.speed_linear, motion.speed_angular = limits.speed_linear, limits.speed_angular
     drive.effort[:n], drive.rate, drive.period_ns = robot.effort_limit, limits.effort_rate, seconds_to_ns(period_s)
-    drive.longest_step_ns = seconds_to_ns(max(limits.longest_step_s, period_s))  # a control period is no pause
-    drive.restart_after_ns = seconds_to_ns(limits.restart_after_s)
+    drive.longest_step_ns = seconds_to_ns(max(LONGEST_STEP_S, period_s))  # a control period is no pause
+    drive.restart_after_ns = seconds_to_ns(RESTART_AFTER_S)
 
 
 def _fill_command(config: ControllerConfig, params: ControllerParams, robot: Robot) -> None:
     """Write the limits of commands that are no efforts: those of limit avoidance, less what acceleration needs."""
     n, out, given, motion = len(robot.joint_names), config.command, params.command, config.motion
     out.interface, out.joints = Interface[given.interface.upper()], n
-    out.velocity[:n], out.lead = motion.velocity[:n], given.lead
+    out.velocity[:n], out.lead = motion.velocity[:n], LEAD
     sensor = params.joint_sensor
     out.lag = sensor.latency_s + sensor.filter_s + params.drive_lag_s + params.control_period_s
     out.acceleration[:n], out.jerk[:n] = given.acceleration_limit, given.jerk_limit
@@ -346,7 +354,7 @@ def _fill_drop(drop: DropDetectionConfig, params: ControllerParams) -> None:
     safety, g = params.safety, math.hypot(*params.gravity)
     if g > 0.0:  # without gravity nothing falls
         drop.down[:] = np.array(params.gravity) / g
-    drop.drop_speed, drop.memory_s = safety.load.drop_speed, safety.load.memory_s
+    drop.drop_speed, drop.memory_s = safety.load.drop_speed, FALLS_WITHIN_S
     drop.error_linear, drop.error_angular = safety.limits.error_linear, safety.limits.error_angular
     unseen = gate_shut(params) or params.wrench.source == "none"  # the model's load shows no slip
     drop.evidence = math.inf if unseen else safety.fallback.evidence
@@ -362,8 +370,11 @@ def _fill_observer(config: ControllerConfig, params: ControllerParams, *, weighe
 def _fill_hold(hold: HoldConfig, params: ControllerParams) -> None:
     safety, share = params.safety, 1.0 / hold.carriers
     slower = min(1.0, HOLD_PERIOD_S / params.control_period_s)
-    hold.stiffness, hold.damping = slower * slower * safety.hold_stiffness, slower * safety.hold_damping
-    hold.load_s = safety.hold_load_s
+    hold.stiffness, hold.damping = (
+        slower * slower * safety.hold_stiffness,
+        slower * 2.0 * math.sqrt(safety.hold_stiffness),
+    )
+    hold.load_s = LOAD_S
     hold.least_load = LEAST_LOAD if share == 1.0 else 0.0  # several arms also feel what they press on each other
     hold.mass = share * params.object.mass
     hold.inertia[:] = share * inertia_from_six(params.object.inertia, "parameter object.inertia")

@@ -124,7 +124,7 @@ class TimingPublisher:
     """
 
     def __init__(self, node: Any, params: ControllerNodeParams, status: StatusPublisher) -> None:
-        self._timing = CycleTiming(params.control_period_s, params.timing)
+        self._timing = CycleTiming(params.control_period_s)
         self._name = node.get_fully_qualified_name().removeprefix("/")
         self._numbers = create_sender(node, "controller/timing", forms.scalars(SCALARS))
         self.publishers = (self._numbers.publisher,)

@@ -47,12 +47,10 @@ class CycleConfig(Record):
     period_ns: Whole
     late_ns: Whole  # what is too late for the law, 0 = nothing
     slow_down_s: Real  # s; time in which the path comes to rest
-    joint_damping: Real  # N m s/rad
     start_s: Real  # s; of the trajectory
     posture_given: Whole
     posture: Joints  # rad
     has_observer: Whole
-    corrects_follow: Whole
     dead_band_linear: Real  # m/s
     dead_band_angular: Real  # rad/s
     k_s_adapts: Whole  # whether k_s follows the measured delays

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from slip_core.stamps import NS_PER_S
-from slip_core.timing import ERROR, OK, TimingParams, Window, compute_level, rate_level, spread
+from slip_core.timing import ERROR, OK, Window, compute_level, rate_level, spread
 
 SCALARS = (
     "period_s",
@@ -31,11 +31,10 @@ class CycleTiming:
 
     Args:
         period_s: control period.
-        limits: levels of the diagnostic status.
     """
 
-    def __init__(self, period_s: float, limits: TimingParams) -> None:
-        self._period_s, self._limits = period_s, limits
+    def __init__(self, period_s: float) -> None:
+        self._period_s = period_s
         self._period_ns = round(period_s * NS_PER_S)
         size = max(2, round(_WINDOW_S / period_s))
         self._periods, self._computes, self._latencies = Window(size), Window(size), Window(size)
@@ -83,7 +82,7 @@ class CycleTiming:
     def status(self) -> tuple[int, str, dict[str, object]]:
         """Return level, text and values of the last second for /diagnostics."""
         periods, computes = self._periods.values(), self._computes.values()
-        levels = (rate_level(periods, self._period_s, self._limits), compute_level(computes, self._limits))
+        levels = (rate_level(periods, self._period_s), compute_level(computes))
         level = max(level for level, _ in levels)
         worst = [text for found, text in levels if found == level and level != OK]
         values: dict[str, object] = {}

@@ -14,6 +14,7 @@ from slip_sim_bridge.plant import DivergenceError
 from slip_sim_bridge.session import BridgeSession
 from slip_vic.scenarios.scenario import Scenario, load_scenario
 from slip_vic_controller.safety.modes import Request
+from slip_vic_controller.safety.validation import FUTURE_S
 from slip_vic_controller.session.controller import Controller
 from slip_vic_controller.session.session import ControllerSession, Results
 from test.campaigns.faults.channel import DAMAGED, Channel
@@ -97,12 +98,11 @@ class PairTrial:
                 np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(trial, 2 + i))),
             )
         safety = next(iter(self.scenario.controllers.values())).safety
-        inputs = safety.inputs
         self.commands = [CommandMonitor(promise_of(arm, PERIOD_S)) for arm in self._controller.arms.values()]
         spoilt = any(fault.target.endswith(JOINT) and fault.kind in DAMAGED for fault in faults)
         limits, _ = promised_ages(safety, observer=False, needs_slip=True, has_wrench=True, joints_spoilt=spoilt)
         age = {name: age_s + PERIOD_S for name, age_s in limits.items()}
-        self.safe = [SafeStateMonitor(dict(age), inputs.future_s) for _ in SIDES]
+        self.safe = [SafeStateMonitor(dict(age), FUTURE_S) for _ in SIDES]
         self.together = TogetherMonitor(SIDES, PERIOD_S)
         self.modes: Counter[str] = Counter()
         self.violations: list[str] = []

@@ -21,7 +21,9 @@ from slip_sim_bridge.plant import DivergenceError
 from slip_sim_bridge.session import BridgeSession
 from slip_vic.scenarios.scenario import Law, Scenario
 from slip_vic_controller.params.node_params import ControllerNodeParams
+from slip_vic_controller.safety.effort_limiter import LONGEST_STEP_S, RESTART_AFTER_S
 from slip_vic_controller.safety.modes import Mode, Request
+from slip_vic_controller.safety.validation import ACCEPT_AFTER, FUTURE_S
 from slip_vic_controller.session.controller import ArmController, Controller
 from slip_vic_controller.session.cycle_result import CycleResult
 from slip_vic_controller.session.session import RETUNABLE
@@ -185,7 +187,6 @@ class Trial:
             )
             for i, name in enumerate(TOPICS)
         }
-        inputs = safety.inputs
         self._commands = CommandMonitor(promise_of(self._law.first, PERIOD_S))
         slope = self.scenario.bridge.effort_rate if plan.interface == "effort" else np.inf  # a drive's own loop steps
         self._joints = JointMonitor(slope * PERIOD_S, REST_AFTER_S)
@@ -198,11 +199,11 @@ class Trial:
             joints_spoilt=any(fault.target == JOINT and fault.kind in DAMAGED for fault in plan.faults),
         )
         limits, unheeded = ({name: age_s + PERIOD_S for name, age_s in of.items()} for of in ages)
-        self._work = AnswerMonitor(inputs.accept_after + 1)
+        self._work = AnswerMonitor(ACCEPT_AFTER + 1)
         self._user = User(
             plan.task, np.random.default_rng(np.random.SeedSequence(plan.seed, spawn_key=(plan.trial, 10)))
         )
-        self._safe = SafeStateMonitor(limits, inputs.future_s, unheeded)
+        self._safe = SafeStateMonitor(limits, FUTURE_S, unheeded)
         self._stops = [fault for fault in plan.faults if fault.kind == "stop"]
         self._clock_stops = [fault for fault in plan.faults if fault.kind == "clock_stop"]
         self._modes: Counter[str] = Counter()
@@ -429,7 +430,7 @@ def promise_of(arm: ArmController, period_s: float) -> Promise:
         most, rate = speed, command.acceleration_limit
     elif command.interface == "position":
         most, least, rate = arm.robot.position_upper, arm.robot.position_lower, speed
-    return Promise(most, rate, limits.longest_step_s, limits.restart_after_s, period_s, least)
+    return Promise(most, rate, LONGEST_STEP_S, RESTART_AFTER_S, period_s, least)
 
 
 def starts_of(session: OneArm, joint: JointSample) -> list[NDArray[np.float64]]:

@@ -52,8 +52,8 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     ({"joint_names": ("arm_joint1",)}, ["joint_names", "moves ee"]),
     ({"ee_frame": "tool"}, ["ee_frame", "tool"]),
     ({"gravity": (0.0, 0.0)}, ["gravity"]),
-    ({"safety.limits.restart_after_s": 1e300}, ["safety.limits.restart_after_s", "less than or equal to"]),
-    ({"safety.inputs.accept_after": 10**18}, ["safety.inputs.accept_after", "less than or equal to"]),
+    ({"safety.resume_after_s": 1e300}, ["safety.resume_after_s", "less than or equal to"]),
+    ({"wrench.zero_after": 10**18}, ["wrench.zero_after", "less than or equal to"]),
     ({"control_period_s": 1e-9}, ["control_period_s", "greater than or equal to 0.00001"]),
     (
         {"slip_estimator": "observer", "observer.memory_s": 1e6, "gains.k_s": 100.0},

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_core.timing import ERROR, OK, WARN, TimingParams, Window, compute_level, level_of, rate_level, spread
+from slip_core.timing import ERROR, OK, WARN, Window, compute_level, level_of, rate_level, spread
 from slip_sim_bridge import pacing
 from slip_sim_bridge.pacing import Pacer
 from slip_vic_controller import timing
@@ -107,7 +107,7 @@ def ledger(cycle: int, *stamps_ns: int) -> tuple[int, ...]:
 
 
 def test_cycle_numbers_come_from_the_times_given() -> None:
-    cycles = CycleTiming(T, TimingParams())
+    cycles = CycleTiming(T)
     stamp_ns = 5 * NS
     first = named(timing.SCALARS, cycles.add(1_000, 201_000, stamp_ns + 500_000, ledger(0, stamp_ns, stamp_ns, 1)))
     assert math.isnan(first["period_s"])
@@ -129,7 +129,7 @@ def test_cycle_numbers_come_from_the_times_given() -> None:
 
 
 def test_states_that_were_skipped_and_cycles_that_took_too_long_are_counted() -> None:
-    cycles = CycleTiming(T, TimingParams())
+    cycles = CycleTiming(T)
     for stamp_ns in (0, 1_000_000, 4_000_000, 4_000_000, 5_000_000):
         numbers = cycles.add(stamp_ns, stamp_ns + 1_000_001, stamp_ns, ledger(0, stamp_ns, 1, 1))
     assert named(timing.SCALARS, numbers)["missed"] == 2
@@ -137,7 +137,7 @@ def test_states_that_were_skipped_and_cycles_that_took_too_long_are_counted() ->
 
 
 def test_an_input_never_seen_has_no_age() -> None:
-    cycles = CycleTiming(T, TimingParams())
+    cycles = CycleTiming(T)
     numbers = named(timing.SCALARS, cycles.add(0, 1, NS, ledger(0, NS, 0, 0)))
     assert math.isnan(numbers["wrench_age_s"])
     assert math.isnan(numbers["slip_age_s"])
@@ -145,7 +145,7 @@ def test_an_input_never_seen_has_no_age() -> None:
 
 
 def test_the_oldest_contact_counts() -> None:
-    cycles = CycleTiming(T, TimingParams())
+    cycles = CycleTiming(T)
     stamps = (NS, NS - 10, NS - 20, NS - 30, NS - 5)
     numbers = named(timing.SCALARS, cycles.add(0, 1, NS, ledger(0, *stamps)))
     assert numbers["wrench_age_s"] == pytest.approx(30e-9)
@@ -153,7 +153,7 @@ def test_the_oldest_contact_counts() -> None:
 
 
 def test_status_has_the_worst_level_and_says_why() -> None:
-    cycles = CycleTiming(T, TimingParams())
+    cycles = CycleTiming(T)
     for k in range(100):
         began_ns = k * 1_000_000
         cycles.add(began_ns, began_ns + 1_500_000, began_ns, ledger(k, began_ns, 1, 1))
@@ -204,7 +204,7 @@ def test_levels(value: float, level: int) -> None:
     ],
 )
 def test_rate_levels_are_those_of_ros2_control(periods: list[float], level: int) -> None:
-    assert rate_level(np.array(periods), T, TimingParams())[0] == level
+    assert rate_level(np.array(periods), T)[0] == level
 
 
 @pytest.mark.parametrize(
@@ -219,4 +219,4 @@ def test_rate_levels_are_those_of_ros2_control(periods: list[float], level: int)
     ],
 )
 def test_compute_levels_are_those_of_ros2_control(times: list[float], level: int) -> None:
-    assert compute_level(np.array(times), TimingParams())[0] == level
+    assert compute_level(np.array(times))[0] == level

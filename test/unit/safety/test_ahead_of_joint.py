@@ -7,13 +7,13 @@ import pytest
 from slip_core.types import JointSample
 from slip_vic_controller.safety.faults import Fault, Input, describe_fault
 from slip_vic_controller.safety.modes import Mode
+from slip_vic_controller.safety.validation import FUTURE_S
 from slip_vic_controller.session.cycle_result import CycleResult
 from test.campaigns.faults.trial import PERIOD_S, STEADY_NS, prepared
 from test.support.delivery import begun_bridge, deliver
 from test.support.one_arm import OneArm
 
 PERIOD_NS = round(PERIOD_S * 1e9)
-FUTURE_S = 0.05  # default of `inputs.future_s`
 
 
 def run(late_s: float) -> list[CycleResult]:

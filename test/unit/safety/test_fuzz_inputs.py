@@ -18,6 +18,7 @@ from slip_core.topics import topic
 from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_msgs_py.messages import from_msgs, to_msgs
 from slip_msgs_py.qos import message_class
+from slip_vic_controller.safety.effort_limiter import LONGEST_STEP_S, RESTART_AFTER_S
 from slip_vic_controller.safety.modes import Request
 from slip_vic_controller.session.controller import Controller
 from test.campaigns.faults.monitors import CommandMonitor, Promise
@@ -183,9 +184,7 @@ def test_session_never_raises_and_keeps_the_promise(first_bad: bool, sequence: l
     """From the very first sample on, which may be bad as well."""
     scenario, law = prepared("paper_planar", True, "vic")
     limits = law.first.params.safety.limits
-    promise = Promise(
-        law.first.robot.effort_limit, limits.effort_rate, limits.longest_step_s, limits.restart_after_s, PERIOD_S
-    )
+    promise = Promise(law.first.robot.effort_limit, limits.effort_rate, LONGEST_STEP_S, RESTART_AFTER_S, PERIOD_S)
     _run(scenario, law, CommandMonitor(promise), first_bad, sequence)
 
 

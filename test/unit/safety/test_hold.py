@@ -42,6 +42,7 @@ from test.support.made_up import LOAD, POSITION, MadeUp, N, law_at_work
 from test.support.one_arm import one_arm
 
 SAFETY = SafetyParams()
+DAMPING = 2.0 * math.sqrt(SAFETY.hold_stiffness)  # critical
 BORNE_S = 0.020  # docs/safety.md
 REST_RAD_S = 0.1  # what the campaign calls rest, a second after the law
 MS = 1_000_000
@@ -327,7 +328,7 @@ def test_without_gains_nothing_swings() -> None:
 
 def test_the_page_promises_what_the_gains_bear() -> None:
     at_100_hz = BORNE_S + 0.005  # half a period more: a command is held for one
-    assert call(delay_margin, SAFETY.hold_stiffness, SAFETY.hold_damping, EXCESS) > at_100_hz
+    assert call(delay_margin, SAFETY.hold_stiffness, DAMPING, EXCESS) > at_100_hz
 
 
 @pytest.mark.parametrize("period_s", [0.001, 0.01, 0.02, 0.1])
@@ -335,22 +336,22 @@ def test_a_slow_clock_takes_from_hold_no_more_of_its_margin_than_100_hz(period_s
     scenario = load_scenario("paper_planar", assignments=(f"controller.control_period_s={period_s}",))
     hold = record(one_arm(scenario.controller, scenario.urdf, lockstep=True).first.config, CONFIG).hold
     slower = max(1.0, period_s / 0.01)
-    margin = call(delay_margin, SAFETY.hold_stiffness, SAFETY.hold_damping, EXCESS)
+    margin = call(delay_margin, SAFETY.hold_stiffness, DAMPING, EXCESS)
     assert call(delay_margin, hold.stiffness, hold.damping, EXCESS) == pytest.approx(slower * margin)
-    assert hold.stiffness * SAFETY.hold_damping**2 == pytest.approx(hold.damping**2 * SAFETY.hold_stiffness)
+    assert hold.stiffness * DAMPING**2 == pytest.approx(hold.damping**2 * SAFETY.hold_stiffness)
 
 
 @pytest.mark.parametrize("delay_s", [0.0, 0.01, 0.03, 0.05])
 def test_gains_for_a_delay_keep_their_margin(delay_s: float) -> None:
-    k, d = call(gains_for_delay, SAFETY.hold_stiffness, SAFETY.hold_damping, delay_s)
+    k, d = call(gains_for_delay, SAFETY.hold_stiffness, DAMPING, delay_s)
     assert call(delay_margin, k, d, EXCESS) > 1.3 * delay_s
     if delay_s <= 0.01:
-        assert (k, d) == (SAFETY.hold_stiffness, SAFETY.hold_damping)
+        assert (k, d) == (SAFETY.hold_stiffness, DAMPING)
 
 
 def test_gains_for_a_delay_are_never_too_soft_to_rest() -> None:
-    k, d = call(gains_for_delay, SAFETY.hold_stiffness, SAFETY.hold_damping, 1e9)
-    assert (k, d) == pytest.approx((SLOWEST**2 * SAFETY.hold_stiffness, SLOWEST * SAFETY.hold_damping))
+    k, d = call(gains_for_delay, SAFETY.hold_stiffness, DAMPING, 1e9)
+    assert (k, d) == pytest.approx((SLOWEST**2 * SAFETY.hold_stiffness, SLOWEST * DAMPING))
 
 
 # -- in the simulation --------------------------------------------------------------------------------

@@ -9,7 +9,7 @@ import numpy as np
 from slip_core.records import new, record
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.safety.effort_limiter import NS
-from slip_vic_controller.safety.limit_avoidance import BRAKE_LAG_S, MOTION_LIMITS, avoid_limits
+from slip_vic_controller.safety.limit_avoidance import BRAKE_LAG_S, MOTION_LIMITS, TRIP_SHARE, avoid_limits
 from slip_vic_controller.state import CONFIG
 from test.support.call import call
 from test.support.made_up import N, controller_of
@@ -129,7 +129,7 @@ def test_limits_are_the_parameters_and_the_urdf_s() -> None:
     np.testing.assert_allclose(LIMITS.near_lower[:N], ROBOT.position_lower + limits.position_margin)
     np.testing.assert_allclose(LIMITS.near_upper[:N], ROBOT.position_upper - limits.position_margin)
     np.testing.assert_allclose(LIMITS.velocity[:N], limits.velocity_scale * ROBOT.velocity_limit)
-    np.testing.assert_allclose(LIMITS.trip[:N], limits.velocity_trip * LIMITS.velocity[:N])
+    np.testing.assert_allclose(LIMITS.trip[:N], TRIP_SHARE * LIMITS.velocity[:N])
     assert (LIMITS.speed_linear, LIMITS.speed_angular) == (limits.speed_linear, limits.speed_angular)
     assert (LIMITS.drive.rate, NS * LIMITS.drive.period_ns) == (
         limits.effort_rate,

@@ -10,6 +10,7 @@ import pytest
 from slip_core.types import EffortCommand, JointSample
 from slip_vic_controller.safety.faults import Fault
 from slip_vic_controller.safety.modes import Mode
+from slip_vic_controller.safety.validation import ACCEPT_AFTER
 from test.campaigns.faults.plan import BRIDGE, CONTROLLER, JOINT, SLIP, WRENCH, Plan
 from test.campaigns.faults.plan import Fault as Planned
 from test.campaigns.faults.trial import PERIOD_S, STEADY_NS, prepared, run_trial
@@ -178,7 +179,7 @@ def test_a_source_that_starts_anew_begins_a_new_trajectory_without_a_step() -> N
             assert np.abs(result.command.effort - last).max() <= 5 * STEP
             last = result.command.effort
         modes.append(None if result is None else result.mode)
-    accept = loop.law.first.params.safety.inputs.accept_after
+    accept = ACCEPT_AFTER
     assert modes[: accept - 1] == [None] * (accept - 1)  # stamps that jump are not answered
     assert modes[-1] in (Mode.ACTIVE, Mode.DEGRADED)
     assert loop.controller.task.start_ns < begun_ns - back_ns // 2

@@ -24,7 +24,7 @@ PATH = {
 }  # fmt: skip
 CALM = {
     "safety__fallback__evidence": 1e6, "safety__load__drop_speed": 1e6, "safety__limits__error_linear": 1e6,
-    "safety__limits__error_angular": 1e6, "safety__saturated_s": 1e6,
+    "safety__limits__error_angular": 1e6,
 }  # fmt: skip
 STILL = {"joint": {"velocity": np.zeros(N)}, "slip": np.zeros(6)}
 CLOSE = 1e-8  # [m]: what is lost of the path is counted in whole nanoseconds

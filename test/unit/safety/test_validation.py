@@ -12,7 +12,7 @@ from slip_vic.presets import preset_names
 from slip_vic.presets.models import load_sensor
 from slip_vic_controller.params.safety_params import SafetyParams
 from slip_vic_controller.safety.faults import WORDS, Fault, Input, describe_fault
-from slip_vic_controller.safety.validation import vector_validity
+from slip_vic_controller.safety.validation import ACCEPT_AFTER, JUMP, vector_validity
 from slip_vic_controller.session.arrival import receive_joint_state, receive_slip, receive_wrench
 from slip_vic_controller.sizes import MAX_FRESH
 from slip_vic_controller.state import ARM_SIZE, ARM_STATE, CONFIG, TASK_SIZE
@@ -25,7 +25,6 @@ AGE_NS = round(SLIP.age_s * 1e9)
 PERIOD_NS = 4 * MS
 SLIP_AXES = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 1.0])
 QUIET = np.array([0.01, 0.0, 0.0, 0.0, 0.0, 0.0])
-ACCEPT = INPUTS.accept_after
 
 
 class Validation:
@@ -158,17 +157,17 @@ def at(k: int) -> tuple[int, int]:
 def test_samples_that_agree_after_a_jump_are_a_restart() -> None:
     """Only the last of them, and only of those that follow each other; then the next jump begins anew."""
     v, jumped = begun(), POSITION + 0.3
-    for k in range(5, 5 + ACCEPT - 1):
+    for k in range(5, 5 + ACCEPT_AFTER - 1):
         assert v.joint(at(k)[0], jumped + 1e-6 * k, np.zeros(N), at(k)[1]) == Fault.JUMP
     k += 1
     assert v.joint(at(k)[0], jumped - 0.6, np.zeros(N), at(k)[1]) == Fault.JUMP  # does not agree: the first of others
-    for k in range(5 + ACCEPT, 3 + 2 * ACCEPT):
+    for k in range(5 + ACCEPT_AFTER, 3 + 2 * ACCEPT_AFTER):
         assert v.joint(at(k)[0], jumped - 0.6 + 1e-6 * k, np.zeros(N), at(k)[1]) == Fault.JUMP
     k += 1
     assert v.joint(at(k)[0], jumped - 0.6, np.zeros(N), at(k)[1]) == Fault.RESTARTED
     assert v.joint(at(k + 1)[0], jumped - 0.6 + 1e-6, np.zeros(N), at(k + 1)[1]) == Fault.NONE
     # After a restart nothing of the jump before is left.
-    for k in range(5 + 2 * ACCEPT, 4 + 3 * ACCEPT):
+    for k in range(5 + 2 * ACCEPT_AFTER, 4 + 3 * ACCEPT_AFTER):
         assert v.joint(at(k)[0], POSITION + 1e-6 * k, np.zeros(N), at(k)[1]) == Fault.JUMP
     assert v.joint(at(k + 1)[0], POSITION, np.zeros(N), at(k + 1)[1]) == Fault.RESTARTED
 
@@ -176,7 +175,7 @@ def test_samples_that_agree_after_a_jump_are_a_restart() -> None:
 def test_a_good_sample_between_jumps_makes_them_forgotten() -> None:
     v, jumped = begun(), POSITION + 0.3
     for k in range(5, 30):
-        good = k % (ACCEPT - 1) == 0
+        good = k % (ACCEPT_AFTER - 1) == 0
         position = (POSITION if good else jumped) + 1e-6 * k
         assert v.joint(at(k)[0], position, np.zeros(N), at(k)[1]) == (Fault.NONE if good else Fault.JUMP)
 
@@ -184,8 +183,8 @@ def test_a_good_sample_between_jumps_makes_them_forgotten() -> None:
 @pytest.mark.parametrize("step_ns", [10**10, -(10**10)])
 def test_a_clock_that_jumps_is_taken_up_where_every_sample_comes_twice(step_ns: int) -> None:
     v = begun()
-    for k in range(5, 5 + ACCEPT):
-        expected = Fault.CLOCK_JUMP if k < 4 + ACCEPT else Fault.RESTARTED
+    for k in range(5, 5 + ACCEPT_AFTER):
+        expected = Fault.CLOCK_JUMP if k < 4 + ACCEPT_AFTER else Fault.RESTARTED
         for again in (0, 1):
             arrival_ns = at(k)[1] + again * MS // 10
             fault = v.joint(at(k)[0] + step_ns, POSITION + 1e-6 * k, np.zeros(N), arrival_ns)
@@ -199,7 +198,7 @@ def test_in_lockstep_a_jump_is_a_restart_at_once() -> None:
 
 
 def test_speed_explains_a_change_of_position_for_a_tenth_of_a_second() -> None:
-    jump = INPUTS.joint.jump
+    jump = JUMP
     for passed_s, speed, step, expected in (
         (0.004, 0.0, 0.9 * jump, Fault.NONE),
         (0.004, 0.0, 1.1 * jump, Fault.JUMP),
@@ -325,7 +324,7 @@ def test_a_wrench_of_zeros_counts_as_invalid_from_the_one_in_a_row_on_that_is_to
 
 def test_only_values_that_should_change_are_frozen() -> None:
     """A wrench where the arm moves; a slip velocity that is not zero."""
-    frozen_ns = round(WRENCH.frozen_s * 1e9) + 2 * PERIOD_NS
+    frozen_ns = round(INPUTS.frozen_s * 1e9) + 2 * PERIOD_NS
     for is_slip, values, moves, expected in (
         (False, np.ones(6), True, Fault.FROZEN),
         (False, np.ones(6), False, Fault.NONE),

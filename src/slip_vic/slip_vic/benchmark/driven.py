@@ -55,7 +55,7 @@ SERVO_RATE: Final = 50.0
 WATCH: Final[dict[str, Any]] = {
     "controller": "classical", "command.interface": "effort", "governor.mode": "off", "slip_estimator": "measured",
     "gains.give_up": False, "joint_sensor.noise_velocity": 0.0, "joint_sensor.quantum_position": 0.0,
-    "grip.control": "fixed", "tare.duration_s": 0.0, "safety.inputs.joint.frozen_s": 1e3,
+    "grip.control": "fixed", "tare.duration_s": 0.0, "safety.inputs.frozen_s": 1e3,
     "safety.load.drop_speed": 1e3, "safety.limits.error_linear": 1e3, "safety.limits.error_angular": 1e3,
 }  # fmt: skip
 """Of the controller that watches: the path waits for no law, and samples are used as they are measured.

@@ -19,6 +19,9 @@ from slip_core.compiled import part
 from slip_core.records import Real, Record, Whole, WholeArray, dtype_of
 from slip_vic_controller.sizes import MAX_JOINTS
 
+LEAD: Final = 0.5
+"""Most by which the commanded velocity may be ahead of the joint's, so that an arm that cannot follow is not thrown
+when it can again [rad/s]."""
 STOP_SHARE: Final = 0.5
 """Share of the acceleration limit with which a command brakes ahead of the end of a joint's range."""
 BEFORE_END: Final = 1e-3

@@ -32,6 +32,12 @@ LAG_ACCELERATION: Final = 5.0
 MEAN_S, QUICK_S, SIGNIFICANT = 0.01, 0.03, 4.5
 """Time over which innovations are averaged, for which the quick filter stays, and deviations that begin it."""
 
+MODEL_NOISE, QUICK_DRIFT = 0.1, 100.0
+"""Joint acceleration that the model leaves out, white, in every control period, and the drift of the disturbance where
+friction turns round: standard deviations [rad/s^2]."""
+SETTLING_S, RATE = 0.005, 10.0
+"""Of what is taken off: time constant with which it follows the estimate, so that noise does not shake the arm [s], and
+fastest change, as a share of the joint's effort limit [1/s]."""
 SETTLES_AFTER: Final = 5.0
 """Least time constant of what is taken off where arms share an object or efforts are late, over all that is late in the
 loop: each feels through the object what the other takes off, and faster than that they swing against each other."""
@@ -207,7 +213,7 @@ class Tuning(NamedTuple):
 def tuning_of(params: ControllerParams) -> Tuning:
     """Return what the filter of a joint is made for."""
     sensor, model, period = params.joint_sensor, params.disturbance, params.control_period_s
-    noise = Noise(*sensor_noise(sensor, period), model.model_noise, model.drift)
+    noise = Noise(*sensor_noise(sensor, period), MODEL_NOISE, model.drift)
     ticks = max(1, round(1.0 / (sensor.rate_hz * period))) if sensor.rate_hz > 0.0 else 1
     return Tuning(noise, 0.0 if params.command.interface == "effort" else params.drive.bandwidth, ticks)
 
@@ -250,7 +256,7 @@ def estimator_config(params: ControllerParams, effort_limit: Array) -> Array:
         )  # fmt: skip
     both = steady_state(noise, config.bandwidth, period, ticks)
     config.gain[: len(Trust)], H = gains_by_trust(both, noise), both.H
-    quick = noise._replace(drift=max(model.quick_drift, model.drift))
+    quick = noise._replace(drift=max(QUICK_DRIFT, model.drift))
     config.gain[QUICK] = steady_state(quick, config.bandwidth, period, ticks).gain
     config.quick_ticks = max(1, round(QUICK_S / config.sensor_period))
     S = product(H, both.predicted, H.T) + np.diag([noise.position**2, noise.velocity**2])
@@ -263,17 +269,16 @@ def estimator_config(params: ControllerParams, effort_limit: Array) -> Array:
     config.difference = max(sensor.difference, DEVIATIONS * spread) + MOST_SPEED * sensor.filter_s
     config.repeated = MOVES if config.on else REPEATED
     config.unmoved = max(UNMOVED, 2.0 * sensor.quantum_position)
-    config.compensates, config.settling = int(model.compensate and by_effort), model.settling_s
+    config.compensates, config.settling = int(model.compensate and by_effort), SETTLING_S
     if params.contacts.count > 1 or params.efforts_are_late:
         late_s = sensor.latency_s + params.drive_lag_s + sensor.filter_s
-        config.settling = max(model.settling_s, SETTLES_AFTER * late_s)
+        config.settling = max(SETTLING_S, SETTLES_AFTER * late_s)
     config.settling_fault = max(config.settling, THROWN_SETTLES_AFTER * period)
     # What a drive with a loop of its own does not follow is no torque: collisions are the drive's to find then.
     config.bound[:n], config.rate[:n] = (
         (model.limit if by_effort else math.inf) * effort_limit,
-        model.rate * effort_limit,
+        RATE * effort_limit,
     )
     config.collision[:n] = (model.collision if by_effort else math.inf) * effort_limit
     config.friction[:n] = params.drive.of_joints("coulomb", n)
-    config.collision_s, config.disturbed_s = model.collision_s, model.sustained_s
     return buffer

@@ -18,6 +18,8 @@ WITH_WRENCH: Final = 0.5
 """Share of a jump of the disturbance from which the wrench that has jumped too explains it, ..."""
 NOTICED: Final = 0.3
 """... where that is this share of what is a collision: an object that is accelerated jumps less."""
+COLLISION_S, DISTURBED_S = 0.01, 0.3
+"""Time that a jump must last to be a collision, and that a disturbance may stay beyond its bound [s]."""
 DISTURBED: Final = 0.02
 """Share of the effort limit from which a disturbance is said beside what went wrong."""
 
@@ -93,9 +95,9 @@ def oppose_disturbance(
         state.taken_off[j] = min(max(before + follow * (wanted - before), before - step), before + step)
         torque[j] += state.taken_off[j]
         state.beyond_s[j] = state.beyond_s[j] + dt if abs(effort) > bound else 0.0
-        if state.jumped_s[j] > config.collision_s:
+        if state.jumped_s[j] > COLLISION_S:
             find(state, Finding.COLLISION.value, j, jump, most)
-        elif state.beyond_s[j] > config.disturbed_s:
+        elif state.beyond_s[j] > DISTURBED_S:
             find(state, Finding.DISTURBED.value, j, effort, bound)
 
 

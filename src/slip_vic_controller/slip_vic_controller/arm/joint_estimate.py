@@ -80,8 +80,6 @@ class EstimatorConfig(Record):
     settling_fault: Real  # s; and in FAULT
     collision: Joints  # N m; jump of the disturbance that is a collision
     friction: Joints  # N m; of the joints, as configured: it changes its sign with the velocity
-    collision_s: Real  # s; that it must last
-    disturbed_s: Real  # s; that a disturbance may stay beyond its bound
 
 
 class JointEstimate(Record):

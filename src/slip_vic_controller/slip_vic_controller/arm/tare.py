@@ -24,6 +24,9 @@ from slip_vic_controller.sizes import MAX_JOINTS, NEVER, Joints
 
 LEAST_SAMPLES: Final = 5
 """Samples of a sensor without which its mean says nothing."""
+MOST_VELOCITY_BIAS, STILL = 0.02, 0.01
+"""Largest bias of a joint velocity that is taken out, and mean speed of a joint, by its positions, above which the arm
+is not at rest [rad/s]."""
 MASS_SHARE: Final = 0.5
 """Share of the resting object's weight by which its mass may be wrong: that much of a wrench is no bias."""
 OUTLIER: Final = 3.0

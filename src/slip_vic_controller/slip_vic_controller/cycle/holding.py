@@ -25,6 +25,9 @@ from slip_vic_controller.safety.validation import all_finite, fine, stays_away
 from slip_vic_controller.sizes import MAX_JOINTS, NEVER
 from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs, CycleOutputs, Step, TaskState
 
+JOINT_DAMPING = 2.0
+"""Joint damping where only gravity is compensated [N m s/rad]."""
+
 
 @part
 def prepare(
@@ -166,7 +169,7 @@ def hold_without_law(
     law, sample, n = state.law, state.joint.answers, config.law.joints
     keep_joints(config, state, inputs)
     for j in range(n):
-        torque = law.gravity[j] - config.cycle.joint_damping * sample.velocity[j]
+        torque = law.gravity[j] - JOINT_DAMPING * sample.velocity[j]
         outputs.wanted[j] = min(max(torque, -config.law.effort_limit[j]), config.law.effort_limit[j])
     reasons = TransitionReasons(NOTHING, NOTHING, because(cause, 0), NOTHING)
     next_mode(config.modes, state.mode, reasons, Request.NONE.value, inputs.now_ns)

@@ -116,8 +116,7 @@ def sense(
             return Cause.NO_ESTIMATE.value
         _put_estimate(observer, outputs.estimate)
         samples[0].slip_twist[:] = observer.twist
-        if config.cycle.corrects_follow != 0:
-            outputs.follow_error[:] = observer.error
+        outputs.follow_error[:] = observer.error
     else:
         linear, angular = config.cycle.dead_band_linear, config.cycle.dead_band_angular
         if linear != 0.0 or angular != 0.0:

@@ -40,41 +40,18 @@ class TareParams(ParameterModel):
     slip_angular: float = parameter(0.3, "largest bias of the turning that is taken out", unit="rad/s", ge=0.0)
     force: float = parameter(0.3, "largest bias of a force that is taken out", unit="N", ge=0.0)
     torque: float = parameter(0.03, "largest bias of a torque that is taken out", unit="N m", ge=0.0)
-    velocity: float = parameter(0.02, "largest bias of a joint velocity that is taken out", unit="rad/s", ge=0.0)
-    still: float = parameter(
-        0.01, "mean speed of a joint, by its positions, above which the arm is not at rest", unit="rad/s", gt=0.0
-    )
 
 
 class DisturbanceParams(ParameterModel):
     """Joint accelerations that the model of the arm leaves out: friction, torque offset, a push."""
 
     compensate: bool = parameter(True, "take the estimated disturbance off the effort")
-    model_noise: float = parameter(
-        0.1, "standard deviation of the joint acceleration that the model leaves out, white, in every control period",
-        unit="rad/s^2", gt=0.0, le=1e3,
-    )  # fmt: skip
     drift: float = parameter(
         3.0, "random walk of the disturbance: its standard deviation after one second", unit="rad/s^2", gt=0.0, le=1e4
     )
-    quick_drift: float = parameter(
-        100.0, "drift while innovations show that the disturbance changes fast, as friction does at reversal",
-        unit="rad/s^2", gt=0.0, le=1e4,
-    )  # fmt: skip
     limit: float = parameter(
         0.25, "most that is taken off the effort, as a share of the joint's effort limit", ge=0.0, le=1.0
-    )
-    rate: float = parameter(
-        10.0, "how fast that may change, as a share of the joint's effort limit per second", unit="1/s", gt=0.0, le=1e4
-    )
-    settling_s: float = parameter(
-        0.005, "time constant with which what is taken off follows the estimate: its noise shall not shake the arm",
-        unit="s", gt=0.0, le=10.0,
-    )  # fmt: skip
-    sustained_s: float = parameter(
-        0.3, "time that a disturbance may stay beyond the limit before it is a fault", unit="s", gt=0.0, le=60.0
     )
     collision: float = parameter(
         0.3, "jump of the disturbance that is a collision, as a share of the joint's effort limit", gt=0.0, le=10.0
     )
-    collision_s: float = parameter(0.01, "time that a jump must last to be a collision", unit="s", ge=0.0, le=1.0)

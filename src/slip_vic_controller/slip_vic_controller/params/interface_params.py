@@ -72,10 +72,6 @@ class CommandParams(ParameterModel):
     jerk_limit: float = parameter(
         5e3, "interfaces velocity and position: largest change of that acceleration", unit="rad/s^3", gt=0.0, le=1e7
     )
-    lead: float = parameter(
-        0.5, "interfaces velocity and position: most by which the commanded velocity may be ahead of the joint's, so "
-        "that an arm that cannot follow is not thrown when it can again", unit="rad/s", gt=0.0, le=100.0,
-    )  # fmt: skip
 
 
 class GripParams(GripperModel):

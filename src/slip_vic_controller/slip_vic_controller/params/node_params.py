@@ -6,7 +6,6 @@ from pydantic import Field
 
 from slip_core.grasp_params import BaseParams
 from slip_core.params import parameter
-from slip_core.timing import TimingParams
 from slip_vic_controller.params.controller_params import ControllerParams
 
 
@@ -25,4 +24,3 @@ class ControllerNodeParams(ControllerParams):
         False, "also publish `effort_controller/commands` (Float64MultiArray) for ros2_control's effort controllers"
     )
     base: BaseParams = Field(default_factory=BaseParams)
-    timing: TimingParams = TimingParams()

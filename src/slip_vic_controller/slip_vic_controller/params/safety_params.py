@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from slip_core.params import ParameterModel, parameter
 
@@ -11,16 +11,6 @@ class LimitParams(ParameterModel):
     """What no command exceeds, whatever mode it comes from; effort and velocity limits themselves are the URDF's."""
 
     effort_rate: float = parameter(1000.0, "largest change of a joint's effort", unit="N m/s", gt=0.0)
-    longest_step_s: float = parameter(
-        0.005,
-        "longest time between two commands that the rate limit counts, where a control period is not longer: a pause "
-        "allows no jump",
-        unit="s",
-        gt=0.0,
-    )
-    restart_after_s: float = parameter(
-        0.05, "pause after which the rate limit starts again from the measured effort", unit="s", gt=0.0
-    )
     position_margin: float = parameter(
         0.1,
         "distance from a joint's stop from which it is pushed back, with an effort that grows to the joint's limit",
@@ -28,10 +18,6 @@ class LimitParams(ParameterModel):
         gt=0.0,
     )
     velocity_scale: float = parameter(1.0, "factor on the URDF's velocity limits", gt=0.0)
-    velocity_brake: float = parameter(
-        0.9, "share of the scaled velocity limit at which a joint is braked", gt=0.0, lt=1.0
-    )
-    velocity_trip: float = parameter(1.5, "multiple of the scaled velocity limit that is a fault", gt=1.0)
     speed_linear: float = parameter(
         3.0, "speed of the pad at which it is braked; a third above is a fault", unit="m/s", gt=0.0
     )
@@ -53,9 +39,6 @@ class WatchParams(ParameterModel):
     """Validation of one input."""
 
     age_s: float = parameter(0.05, "age above which the newest sample is not used", unit="s", gt=0.0)
-    frozen_s: float = parameter(
-        0.1, "longest time for which values may stay exactly equal while the arm moves", unit="s", gt=0.0
-    )
 
 
 class WrenchWatchParams(WatchParams):
@@ -83,15 +66,6 @@ class JointWatchParams(WatchParams):
         unit="s",
         ge=0.0,
     )
-    position_slack: float = parameter(
-        0.5, "distance beyond a joint's stop at which a position is rejected", unit="rad", gt=0.0
-    )
-    velocity_factor: float = parameter(
-        50.0, "multiple of the URDF's velocity limit at which a velocity is rejected", gt=1.0
-    )
-    jump: float = parameter(
-        0.05, "step of a position, beyond what twice the velocities explain, that counts as a jump", unit="rad", gt=0.0
-    )
 
 
 class InputParams(ParameterModel):
@@ -100,21 +74,11 @@ class InputParams(ParameterModel):
     joint: JointWatchParams = Field(default_factory=JointWatchParams)
     wrench: WrenchWatchParams = Field(default_factory=WrenchWatchParams)
     slip: SlipWatchParams = Field(default_factory=SlipWatchParams)
-    future_s: float = parameter(0.05, "how far a stamp may be ahead of the joint state's", unit="s", gt=0.0)
-    clock_jump_s: float = parameter(
-        0.2,
-        "step of the joint state's stamp, beyond the time that passed, that counts as a jump of the clock",
-        unit="s",
-        gt=0.0,
+    frozen_s: float = parameter(
+        0.1, "longest time for which values may stay exactly equal while the arm moves", unit="s", gt=0.0
     )
     bridge_s: float = parameter(
         0.05, "longest gap of good joint states in which the law goes on where the model has the arm", unit="s", ge=0.0
-    )
-    accept_after: int = parameter(
-        5,
-        "number of consecutive samples that agree with each other after which a jump counts as a restart of the source",
-        ge=2,
-        le=1_000_000,
     )
 
 
@@ -147,28 +111,18 @@ class LoadParams(ParameterModel):
     drop_speed: float = parameter(
         0.3, "downward speed of the object beyond the reference, while it slips, that is a fault", unit="m/s", gt=0.0
     )
-    memory_s: float = parameter(
-        0.06, "least time in which that speed is gained: one wrong slip sample is no fall", unit="s", gt=0.0
-    )
 
 
 class SafetyParams(ParameterModel):
     """Modes, and the command that is sent when the law is not used."""
 
-    joint_damping: float = parameter(2.0, "joint damping where only gravity is compensated", unit="N m s/rad", ge=0.0)
     hold_stiffness: float = parameter(
         225.0,
-        "joint stiffness over joint inertia in HOLD: square of the loop's natural frequency",
+        "joint stiffness over joint inertia in HOLD: square of the natural frequency of the loop, which is critically "
+        "damped",
         unit="1/s^2",
         runtime=True,
         ge=0.0,
-    )
-    hold_damping: float = parameter(30.0, "joint damping over joint inertia in HOLD", unit="1/s", ge=0.0)
-    hold_load_s: float = parameter(
-        0.05,
-        "time constant with which HOLD takes from the wrench the load that the model does not explain",
-        unit="s",
-        gt=0.0,
     )
     auto_enable: bool = parameter(True, "go to ACTIVE as soon as the inputs are good; false waits for ~/enable")
     auto_resume: bool = parameter(True, "return from a HOLD that an input caused; false waits for ~/enable")
@@ -187,14 +141,7 @@ class SafetyParams(ParameterModel):
         unit="rad/s",
         gt=0.0,
     )
-    saturated_s: float = parameter(0.1, "time in saturation after which the mode is DEGRADED", unit="s", gt=0.0)
     limits: LimitParams = Field(default_factory=LimitParams)
     inputs: InputParams = Field(default_factory=InputParams)
     fallback: FallbackParams = Field(default_factory=FallbackParams)
     load: LoadParams = Field(default_factory=LoadParams)
-
-    @model_validator(mode="after")
-    def _restart_after_a_step(self) -> SafetyParams:
-        if self.limits.restart_after_s < self.limits.longest_step_s:
-            raise ValueError("limits.restart_after_s must not be below limits.longest_step_s")
-        return self

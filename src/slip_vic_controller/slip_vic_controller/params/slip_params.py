@@ -113,6 +113,3 @@ class ObserverParams(ParameterModel):
         ge=0.0,
     )
     drag_memory_s: float = parameter(0.03, "correlation time of the error of friction's direction", unit="s", gt=0.0)
-    correct_follow: bool = parameter(
-        True, "use the estimated error of the object's acceleration in the compensation too"
-    )

@@ -29,6 +29,8 @@ from slip_vic_controller.safety.reasons import Cause, Reason, because, of_fault,
 from slip_vic_controller.safety.validation import VectorInput, fine, usable
 from slip_vic_controller.sizes import NEVER
 
+SATURATED_NS = 100_000_000
+"""How long efforts must be saturated to be a reason."""
 FAST_NS = 5_000_000
 """How long a speed must be too high: a single bad sample is no speed."""
 
@@ -64,7 +66,6 @@ class ArbitrationConfig(Record):
     unseen_ns: Whole  # the same, with the time in which the path comes to rest
     gap_ns: Whole  # pause of the controller itself that is too long
     late_after: Whole  # late answers in a row
-    saturated_ns: Whole
     slip_needed: Whole  # whether the law needs the slip velocity
     blind_ns: Whole  # how long a contradiction between slip sensor and wrench must last
     resume_slip_linear: Real  # m/s; slip at which the law does not begin
@@ -325,7 +326,7 @@ def find_degraded(
         return of_fault(Cause.SLOWING, Input.SLIP, fault)
     if since.stopping_ns != NEVER:
         return because(Cause.STOPPING, 0)
-    if since.saturated_ns != NEVER and now_ns - since.saturated_ns > config.arbitration.saturated_ns:
+    if since.saturated_ns != NEVER and now_ns - since.saturated_ns > SATURATED_NS:
         return because(Cause.SATURATED, 0)
     if stuck(state.following, now_ns):
         following = state.following

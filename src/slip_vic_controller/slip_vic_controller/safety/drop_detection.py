@@ -17,6 +17,8 @@ from slip_vic_controller.law.arm import Arm
 from slip_vic_controller.law.law import DesiredMotion, Evaluation
 from slip_vic_controller.path.path_scaling import scale_for_error
 
+FALLS_WITHIN_S = 0.06
+"""Least time in which an object gains the speed of a fall: one wrong slip sample is none [s]."""
 EVIDENCE_MEMORY_S = 0.1
 MOVING = 0.01
 """[m/s] or [rad/s] above which a reference requires motion."""

@@ -13,6 +13,9 @@ from slip_vic_controller.safety.validation import all_finite
 from slip_vic_controller.sizes import Joints
 
 NS = 1e-9
+LONGEST_STEP_S, RESTART_AFTER_S = 0.005, 0.05
+"""Time between two commands that the rate limit counts at most, so that a pause allows no jump; and pause after which
+it starts again from the measured effort [s]."""
 RESTS = 0.05
 """Speed of a joint that rests, with the noise of its encoder [rad/s]."""
 HELD = 0.2
@@ -24,8 +27,8 @@ class EffortLimits(Record):
 
     effort: Joints  # N m
     rate: Real  # N m/s
-    longest_step_ns: Whole  # see the parameters
-    restart_after_ns: Whole  # see the parameters
+    longest_step_ns: Whole  # that counts between two commands
+    restart_after_ns: Whole  # pause after which it starts again
     period_ns: Whole  # of control
 
 

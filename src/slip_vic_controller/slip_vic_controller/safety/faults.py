@@ -77,7 +77,7 @@ _STOPPING = (
     "DEGRADED: the path comes to rest, for twice `fallback.slow_down_s`, with the wrench of the model; then HOLD"
 )
 _AGE = "none by itself; the age limit decides"
-_AHEAD = "stamp more than `inputs.future_s` ahead of the joint state: two clocks, or joint states that come late"
+_AHEAD = "stamp more than 50 ms ahead of the joint state: two clocks, or joint states that come late"
 _DEGRADED = "DEGRADED: observer alone, then slow down along the path; then HOLD"
 
 # (input, fault) -> reaction. "any" stands for all three inputs.
@@ -96,15 +96,15 @@ REACTIONS: Mapping[tuple[str, Fault], Reaction] = MappingProxyType(
         ("joint state", Fault.NOT_FINITE): Reaction("NaN or infinity", "not used", _BRIDGED),
         ("joint state", Fault.ABSURD): Reaction("far beyond the URDF's limits", "not used", _BRIDGED),
         ("joint state", Fault.JUMP): Reaction(
-            "a position that the velocities do not explain", "not used, until `inputs.accept_after` agree", _BRIDGED
+            "a position that the velocities do not explain", "not used, until five agree", _BRIDGED
         ),
         ("joint state", Fault.CLOCK_JUMP): Reaction(
             "a stamp that the time that passed does not explain",
-            "dropped, not answered, until `inputs.accept_after` agree",
+            "dropped, not answered, until five agree",
             "HOLD after the age limit",
         ),
         ("joint state", Fault.RESTARTED): Reaction(
-            "`inputs.accept_after` samples agree after a jump of clock or position; or a pause and a jump of position",
+            "five samples agree after a jump of clock or position; or a pause and a jump of position",
             "used",
             "everything restarts: WAITING_INPUT, then the trajectory from here",
         ),
@@ -112,7 +112,7 @@ REACTIONS: Mapping[tuple[str, Fault], Reaction] = MappingProxyType(
             "nothing for `inputs.joint.age_s` on the steady clock", "-", "HOLD: efforts go to gravity compensation"
         ),
         ("joint state", Fault.FROZEN): Reaction(
-            "equal to the last bit for `inputs.joint.frozen_s` while motion is wanted or measured",
+            "equal to the last bit for `inputs.frozen_s` while motion is wanted or measured",
             "where it cannot be, the model's instead",
             f"{_BRIDGED}; until it changes or `~/enable`",
         ),
@@ -120,7 +120,7 @@ REACTIONS: Mapping[tuple[str, Fault], Reaction] = MappingProxyType(
             "the controller itself did not run for `inputs.joint.age_s`", "used", "HOLD, then resumes"
         ),
         ("joint state", Fault.LATE): Reaction(
-            "`inputs.joint.late_s` more between stamp and answer than at best, `inputs.accept_after` times in a row",
+            "`inputs.joint.late_s` more between stamp and answer than at best, five times in a row",
             "used",
             "HOLD, softer the later they are; a clock that was set back: until `~/enable`",
         ),
@@ -133,7 +133,7 @@ REACTIONS: Mapping[tuple[str, Fault], Reaction] = MappingProxyType(
         ("wrench", Fault.SILENT): Reaction("nothing for `inputs.wrench.age_s`", "-", _STOPPING),
         ("wrench", Fault.STALE): Reaction("newest stamp older than `inputs.wrench.age_s`", "not used", _STOPPING),
         ("wrench", Fault.FROZEN): Reaction(
-            "equal to the last bit for `inputs.wrench.frozen_s` while the arm moves",
+            "equal to the last bit for `inputs.frozen_s` while the arm moves",
             "the model's instead, unless it shows that the object is gone",
             f"{_STOPPING}; until it changes or `~/enable`",
         ),
@@ -143,7 +143,7 @@ REACTIONS: Mapping[tuple[str, Fault], Reaction] = MappingProxyType(
         ("slip", Fault.SILENT): Reaction("nothing for `inputs.slip.age_s`", "-", _DEGRADED),
         ("slip", Fault.STALE): Reaction("newest stamp older than `inputs.slip.age_s`", "not used", _DEGRADED),
         ("slip", Fault.FROZEN): Reaction(
-            "not zero and equal to the last bit for `inputs.slip.frozen_s`", "not used", _DEGRADED
+            "not zero and equal to the last bit for `inputs.frozen_s`", "not used", _DEGRADED
         ),
         ("slip", Fault.IMPLAUSIBLE): Reaction(
             "none, while wrench and motion show `fallback.evidence`, for 50 ms beyond its delay", "not used", _DEGRADED

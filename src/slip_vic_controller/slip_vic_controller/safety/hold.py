@@ -20,6 +20,7 @@ LEAST_LOAD = 5.0  # [N]: what one arm carries at least, where the wrench shows i
 RESTS = 0.02  # [rad/s]: speed of a joint at rest, with the noise of its sensor
 RESTS_FOR = 0.05  # [s]: friction holds a joint that is at rest for that long
 ELSEWHERE = 0.01  # [rad]: off the posture that HOLD keeps; a pad has then moved by some millimetres
+LOAD_S = 0.05  # [s]: time constant with which HOLD takes from the wrench the load that the model does not explain
 SLOWEST = 0.45  # of the loop in slow motion: with the default gains no joint gives way under a load that slides
 
 

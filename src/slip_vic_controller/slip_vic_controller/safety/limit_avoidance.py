@@ -24,6 +24,8 @@ BRAKE_LINEAR, BRAKE_ANGULAR = 100.0, 10.0
 """[N s/m], [N m s/rad]."""
 BRAKE_LAG_S = 0.020
 """How late efforts may be at work without a braked joint being thrown to the other side [s]; HOLD bears as much."""
+BRAKE_SHARE, TRIP_SHARE = 0.9, 1.5
+"""Shares of the scaled velocity limit at which a joint is braked, and at which it is a fault."""
 TRIP = 4.0 / 3.0
 """Of the pad's speed limits: a control loop that runs away ends here."""
 

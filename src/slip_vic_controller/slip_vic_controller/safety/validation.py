@@ -19,6 +19,13 @@ from slip_vic_controller.law.contact import StampedSlip
 from slip_vic_controller.safety.faults import FAULTS, Fault
 from slip_vic_controller.sizes import MAX_FRESH, Joints, WholeJoints
 
+ACCEPT_AFTER = 5
+"""Samples in a row that agree with each other after which a jump is a restart of the source."""
+FUTURE_S, CLOCK_JUMP_S = 0.05, 0.2
+"""By which a stamp may be ahead of the joint state's, and its step beyond the time that passed that is a jump [s]."""
+JUMP, SLACK, FASTEST = 0.05, 0.5, 50.0
+"""Of joint states: step of a position beyond what twice the velocities explain [rad], distance beyond a joint's stop
+[rad] and multiple of its velocity limit at which one is rejected."""
 TINY = float(np.finfo(np.float64).tiny)
 ARM_MOVES = 0.02
 """[rad/s]"""

@@ -21,6 +21,7 @@ from slip_vic.setup.bringup.verdicts import Heard, Verdict
 from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.interfaces import WRENCH_SENSOR, fill_wrench_sensor, wrench_at_pad
 from slip_vic_controller.law.arm import ARM
+from slip_vic_controller.safety.validation import FUTURE_S
 
 if TYPE_CHECKING:
     from slip_vic.setup.bringup.ros_system import RosSystem
@@ -90,7 +91,7 @@ class Walk:
         self._hands.grip(firmly=True)
         heard = system.listen(LISTENED_S)
         inputs, hz = params.safety.inputs, 1.0 / params.control_period_s
-        slack, future = verdicts.RATE_SLACK, inputs.future_s
+        slack, future = verdicts.RATE_SLACK, FUTURE_S
         bounds = (1.0 - slack) * hz, (1.0 + slack) * hz
         yield verdicts.judge_stream("joint_states", heard.joints, *bounds, inputs.joint.age_s, future)
         wrench, slip = ("wrench", heard.wrench, inputs.wrench.age_s), ("slip", heard.slip, inputs.slip.age_s)
