@@ -17,9 +17,9 @@ from slip_vic.scenarios.scenario import load_scenario
 from slip_vic.setup.bringup.hands import simulated_hand
 from slip_vic.setup.bringup.verdicts import Endpoint, Heard, Track, Verdict
 from slip_vic.setup.bringup.walk import Walk
+from slip_vic_controller.node.goal import GoalInterface
 from slip_vic_controller.params.node_params import ControllerNodeParams
 from slip_vic_controller.safety.modes import Request
-from slip_vic_controller.topics.goal import GoalInterface
 
 BRINGUP = (
     "controller.trajectory.kind=goal", "controller.safety.auto_enable=false", "controller.governor.friction=unknown",

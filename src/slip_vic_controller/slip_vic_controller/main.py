@@ -13,7 +13,7 @@ It waits until the bridge or a robot's drivers publish its inputs."""
 
 def main() -> int:
     """Entry point of ``slip_vic_controller_node``."""
-    return main_of("slip_vic_controller.node", "SlipVicController", "slip_vic_controller_node", ABOUT)
+    return main_of("slip_vic_controller.node.controller_node", "SlipVicController", "slip_vic_controller_node", ABOUT)
 
 
 if __name__ == "__main__":

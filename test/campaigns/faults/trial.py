@@ -20,6 +20,7 @@ from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.plant import DivergenceError
 from slip_sim_bridge.session import BridgeSession
 from slip_vic.scenarios.scenario import Law, Scenario
+from slip_vic_controller.node.arm_topics import SLIP_DEPTH, STATE_DEPTH
 from slip_vic_controller.params.node_params import ControllerNodeParams
 from slip_vic_controller.safety.effort_limiter import LONGEST_STEP_S, RESTART_AFTER_S
 from slip_vic_controller.safety.modes import Mode, Request
@@ -28,7 +29,6 @@ from slip_vic_controller.session.controller import ArmController, Controller
 from slip_vic_controller.session.cycle_result import CycleResult
 from slip_vic_controller.session.session import RETUNABLE
 from slip_vic_controller.sizes import MAX_JOINTS
-from slip_vic_controller.topics.arm import SLIP_DEPTH, STATE_DEPTH
 from test.campaigns.faults.channel import DAMAGED, Channel, Delivery
 from test.campaigns.faults.monitors import (
     LOST_M,

@@ -17,9 +17,9 @@ from sensor_msgs.msg import JointState
 from slip_msgs_py.executor import Spinner
 from slip_msgs_py.messages import forms
 from slip_vic.scenarios.scenario import NODES, load_scenario, ros_parameter_file
-from slip_vic_controller.node import SlipVicController
+from slip_vic_controller.node.controller_node import SlipVicController
+from slip_vic_controller.node.mode import RequestServices
 from slip_vic_controller.safety.faults import Fault
-from slip_vic_controller.topics.mode import RequestServices
 
 NAMES = tuple(f"arm_joint{i}" for i in range(1, 8))
 

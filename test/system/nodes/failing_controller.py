@@ -4,7 +4,7 @@ import sys
 
 from slip_msgs_py.node_main import run_node
 from slip_vic_controller.arm.robot import Robot
-from slip_vic_controller.node import SlipVicController
+from slip_vic_controller.node.controller_node import SlipVicController
 
 FIRST, LAST = 200, 230
 

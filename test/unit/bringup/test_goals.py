@@ -16,8 +16,8 @@ from slip_vic.replay.run_data import read_run
 from slip_vic.replay.verify import verify_run
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load_scenario
+from slip_vic_controller.node.goal import GoalInterface
 from slip_vic_controller.safety.modes import Mode, Request
-from slip_vic_controller.topics.goal import GoalInterface
 from test.support.run_maker import goal_message, record_run
 
 HELD_M = 1e-7

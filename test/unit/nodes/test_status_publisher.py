@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 from slip_description import urdf_text
 from slip_vic_controller.arm.robot import Robot
-from slip_vic_controller.publishing import WARN, StatusPublisher
+from slip_vic_controller.node.publishing import WARN, StatusPublisher
 from test.support.small_arm import JOINT_NAMES, small_arm_urdf
 
 

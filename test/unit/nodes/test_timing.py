@@ -13,7 +13,7 @@ from slip_core.timing import ERROR, OK, WARN, Window, compute_level, level_of, r
 from slip_sim_bridge import pacing
 from slip_sim_bridge.pacing import Pacer
 from slip_vic_controller import timing
-from slip_vic_controller.timing import CycleTiming
+from slip_vic_controller.node.timing import CycleTiming
 
 T = 1e-3
 ROUNDING_S = 1e-9  # sums of a few thousand double periods differ by less than this

@@ -205,7 +205,7 @@ def test_module_imports_only_what_its_layer_may(module: str, path: Path) -> None
     [
         ("slip_vic_controller.law.law", "import rclpy"),
         ("slip_vic_controller.cycle.cycle", "import pinocchio"),
-        ("slip_vic_controller.node", "from slip_sim_bridge import friction"),
+        ("slip_vic_controller.node.controller_node", "from slip_sim_bridge import friction"),
         ("slip_sim_bridge.node", "import slip_vic_controller"),
         ("slip_sim_bridge.friction.lugre", "from slip_msgs_py import qos"),
         ("slip_sim_bridge.friction.lugre", "from slip_sim_bridge.plant import Plant"),

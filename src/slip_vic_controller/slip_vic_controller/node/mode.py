@@ -14,7 +14,7 @@ from slip_msgs_py.fast_io import Refusals
 from slip_msgs_py.messages import to_msgs
 from slip_msgs_py.node_shell import OnceEvery
 from slip_msgs_py.qos import create_publisher
-from slip_vic_controller.publishing import DIAGNOSTICS_PERIOD_NS, MODE_PHASE, StatusPublisher
+from slip_vic_controller.node.publishing import DIAGNOSTICS_PERIOD_NS, MODE_PHASE, StatusPublisher
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.session.arm_session import ArmSession
 from slip_vic_controller.session.cycle_result import CycleResult

@@ -33,13 +33,13 @@ from slip_msgs_py.node_shell import Failures, GuardedNode, fails_loudly
 from slip_msgs_py.qos import create_publisher
 from slip_msgs_py.realtime import set_up_interpreter
 from slip_msgs_py.ros_params import OWN_TIME, allow_changes, declare_arms
+from slip_vic_controller.node.arm_topics import STATE_DEPTH, ArmTopics
+from slip_vic_controller.node.mode import RequestServices
+from slip_vic_controller.node.task_topics import TaskTopics
 from slip_vic_controller.params.node_params import ControllerNodeParams
 from slip_vic_controller.session.controller import Controller
 from slip_vic_controller.session.manifest import Manifest
 from slip_vic_controller.session.session import ControllerSession, Results
-from slip_vic_controller.topics.arm import STATE_DEPTH, ArmTopics
-from slip_vic_controller.topics.mode import RequestServices
-from slip_vic_controller.topics.task import TaskTopics
 
 LOOK_S = 0.02
 WATCHDOG_S = 0.01

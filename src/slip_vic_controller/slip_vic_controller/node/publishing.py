@@ -11,9 +11,9 @@ from slip_msgs_py.messages import forms, to_msgs
 from slip_msgs_py.node_shell import OnceEvery
 from slip_msgs_py.qos import create_publisher
 from slip_vic_controller.law.symbols import AXES
+from slip_vic_controller.node.timing import SCALARS, CycleTiming
 from slip_vic_controller.params.node_params import ControllerNodeParams
 from slip_vic_controller.session.cycle_result import CycleResult
-from slip_vic_controller.timing import SCALARS, CycleTiming
 
 DIAGNOSTICS_PERIOD_NS = 1_000_000_000
 LAW_PHASE, MODE_PHASE, TIMING_PHASE = 0.0, 0.25, 0.5

@@ -9,13 +9,13 @@ from slip_msgs_py.fast_io import Refusals
 from slip_msgs_py.messages import from_msgs
 from slip_msgs_py.qos import create_publisher, create_subscription
 from slip_vic_controller.config import governed_stream
+from slip_vic_controller.node.goal import GoalInterface
 from slip_vic_controller.params.node_params import ControllerNodeParams
 from slip_vic_controller.session.cycle_result import CycleResult
 from slip_vic_controller.session.session import ControllerSession
-from slip_vic_controller.topics.goal import GoalInterface
 
 if TYPE_CHECKING:
-    from slip_vic_controller.topics.joint_trajectory import JointTrajectoryInput
+    from slip_vic_controller.node.joint_trajectory import JointTrajectoryInput
 
 REFERENCE_DEPTH = 10
 
@@ -38,7 +38,7 @@ class TaskTopics:
         if session.reference_from_topic:
             create_subscription(node, "reference", self._on_reference, depth=REFERENCE_DEPTH, reliable=False)
             if len(session.arms) == 1:
-                from slip_vic_controller.topics.joint_trajectory import JointTrajectoryInput  # splines: 14 MiB
+                from slip_vic_controller.node.joint_trajectory import JointTrajectoryInput  # splines: 14 MiB
 
                 self._trajectories = JointTrajectoryInput(node, params, session, refusals, self._on_reference)
         elif session.controller.external:

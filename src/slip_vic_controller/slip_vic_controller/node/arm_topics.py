@@ -16,11 +16,11 @@ from slip_core.types import DisplacementSample, JointSample, SlipSample, WrenchS
 from slip_msgs_py.fast_io import Refusals, create_receiver, create_sender
 from slip_msgs_py.messages import forms, from_msgs
 from slip_msgs_py.node_shell import NodePart
+from slip_vic_controller.node.mode import ModeInterface
+from slip_vic_controller.node.publishing import DiagnosticsPublisher, StatusPublisher, TimingPublisher
 from slip_vic_controller.params.node_params import ControllerNodeParams
-from slip_vic_controller.publishing import DiagnosticsPublisher, StatusPublisher, TimingPublisher
 from slip_vic_controller.session.arm_session import ArmSession
 from slip_vic_controller.session.cycle_result import NO_NUMBERS, CycleResult
-from slip_vic_controller.topics.mode import ModeInterface
 
 STATE_DEPTH = {True: 100, False: 1}  # lockstep loses nothing; in real time only the newest state matters
 SLIP_DEPTH = 100  # every sample counts for the observer
