@@ -13,7 +13,7 @@ from slip_msgs_py.realtime import ProcessOptions
 from slip_sim_bridge import pacing
 from slip_vic.run.launcher import Launcher
 from slip_vic.scenarios.scenario import load_scenario
-from slip_vic_controller import timing
+from slip_vic_controller.node import timing
 
 DURATION_S = 0.5
 PERIOD_NS = 20_000_000  # slow enough that also a crowded machine answers some ticks

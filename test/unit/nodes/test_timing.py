@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from slip_core.timing import ERROR, OK, WARN, Window, compute_level, level_of, rate_level, spread
 from slip_sim_bridge import pacing
 from slip_sim_bridge.pacing import Pacer
-from slip_vic_controller import timing
+from slip_vic_controller.node import timing
 from slip_vic_controller.node.timing import CycleTiming
 
 T = 1e-3
