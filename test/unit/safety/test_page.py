@@ -1,18 +1,12 @@
-"""The safety page has the reaction table and the modes of the code."""
+"""The safety page has the modes of the code."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from slip_vic_controller.safety.faults import reaction_table
 from slip_vic_controller.safety.modes import Mode
 
 PAGE = (Path(__file__).parents[3] / "docs" / "safety.md").read_text(encoding="utf-8")
-
-
-def test_reaction_table_is_the_code_s() -> None:
-    assert len(reaction_table().splitlines()) > 20
-    assert reaction_table() in PAGE
 
 
 def test_every_mode_has_its_row() -> None:
