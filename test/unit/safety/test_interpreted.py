@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 ROOT = Path(__file__).parents[3]
-PARTS = ("law.digests", "observer.ride", "reference.digests")
+PARTS = ("law.digests", "contact.ride", "governor.digests")
 KINDS = (
     {"gains__k_s": 100.0, "slip_estimator": "observer", "trajectory__kind": "circle", "trajectory__duration_s": 4.0},
     {
