@@ -9,8 +9,8 @@ import numpy as np
 from slip_core.arrays import Array
 from slip_core.records import new, record
 from slip_sim_bridge.friction import lugre
-from slip_sim_bridge.soft_grasp import COLUMNS, OBJECT, G, carry
 from tools.real_data.runs import PadMotion
+from tools.real_data.soft_grasp import COLUMNS, OBJECT, G, carry
 
 STEP_S = 2e-3
 

@@ -16,13 +16,13 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import savgol_filter
 
 from slip_core.arrays import Array
-from slip_sim_bridge.soft_grasp import G
 from test.referees.governor_bench import Friction, Governor
 from tools.real_data import calibrate
 from tools.real_data.detect import TICK_S, observed, rest_noise
 from tools.real_data.grasp import values
 from tools.real_data.predict import Prediction, predict
 from tools.real_data.runs import RATE_HZ, PadMotion
+from tools.real_data.soft_grasp import G
 from tools.real_data.table import Run, read_table
 
 ATTITUDE = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])

@@ -16,7 +16,7 @@ from std_srvs.srv import Trigger
 
 from slip_core.arms import by_arm, prefix_of
 from slip_core.errors import InputError, ProtocolError
-from slip_core.files.placed_urdf import on_base, placed_urdf
+from slip_core.files.urdf import on_base, placed_urdf
 from slip_core.files.urdf_file import read_urdf
 from slip_core.incidents import Incident
 from slip_core.stamps import split_ns

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +22,6 @@ from slip_sim_bridge.plant.loose import LoosePlant
 from slip_sim_bridge.plant.model import UrdfJoints, urdf_joints
 
 OBEYED, CLIPPED, NOT_FINITE = 0, 1, 2
-MakePlant = Callable[[Mapping[str, BridgeParams], Mapping[str, str]], Plant]
 
 
 class Readings(NamedTuple):
@@ -164,19 +163,16 @@ class Simulation:
     Args:
         params: of each arm by its name; what describes the world (`WORLD`) is equal in all.
         urdfs: of each arm by its name, without a base.
-        make: makes the plant; a referee has one of its own.
 
     Raises:
         InputError: parameters and URDFs that do not fit.
     """
 
-    def __init__(
-        self, params: Mapping[str, BridgeParams], urdfs: Mapping[str, str], make: MakePlant | None = None
-    ) -> None:
+    def __init__(self, params: Mapping[str, BridgeParams], urdfs: Mapping[str, str]) -> None:
         shared(params, WORLD, "equal values: there is one world and one object")
         self.params = params
         self.names = tuple(params)
-        self._held = (make or make_plant)(params, urdfs)
+        self._held = make_plant(params, urdfs)
         self._loose = LoosePlant(params, urdfs)
         self.plant: Movable = self._held
         self.loss: Loss | None = None

@@ -21,7 +21,7 @@ DEADLINE_S = 600.0
 # processes.
 NOT_IN_A_RUN = (
     "test.campaigns.", "slip_vic_controller.path.retiming", "slip_sim_bridge.plant.elastic",
-    "slip_sim_bridge.soft_grasp",
+    "tools.real_data.soft_grasp",
 )  # fmt: skip
 
 

@@ -10,11 +10,8 @@ import numpy as np
 from slip_core.arrays import Array
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.plant import Plant
-from slip_sim_bridge.simulation import Arm, Loss, MakePlant, Readings, Simulation
-from test.referees.native_plant import NativePlant
+from slip_sim_bridge.simulation import Arm, Loss, Readings, Simulation
 
-PLANTS: dict[str, MakePlant | None] = {"rigid": None, "elastic": None, "native": NativePlant}
-"""Those of the product, which the parameter `plant` chooses, and the referee."""
 UNBOUNDED = 1e8
 """Rate of the drives' efforts with which a test sets what it wants [N m/s]."""
 
@@ -23,9 +20,8 @@ class OneArm:
     """Delegates to `Simulation`; without a bound on how fast efforts change."""
 
     def __init__(self, params: BridgeParams, urdf: str, plant: str = "rigid") -> None:
-        kind = "elastic" if plant == "elastic" else "rigid"
-        self.params = params.model_copy(update={"effort_rate": UNBOUNDED, "plant": kind})
-        self.all = Simulation({"": self.params}, {"": urdf}, PLANTS[plant])
+        self.params = params.model_copy(update={"effort_rate": UNBOUNDED, "plant": plant})
+        self.all = Simulation({"": self.params}, {"": urdf})
 
     @property
     def arm(self) -> Arm:

@@ -309,17 +309,6 @@ def measured(params: JointSensorParams, positions: Array) -> list[JointSample]:
     return [sensor.update(JointSample(round(1e6 * k), np.array([q]), zero, zero)) for k, q in enumerate(positions)]
 
 
-def test_encoders_have_a_quantum_and_velocities_come_by_a_filter() -> None:
-    time = DT * np.arange(400)
-    found = measured(JointSensorParams(quantum_position=1e-3), 0.01 * np.sin(5.0 * time))
-    read = np.array([sample.position[0] for sample in found])
-    np.testing.assert_allclose(read / 1e-3, np.round(read / 1e-3), atol=1e-9)
-    assert np.abs(read - 0.01 * np.sin(5.0 * time)).max() <= 0.5e-3 + 1e-12
-    found = measured(JointSensorParams(velocity_filter_hz=20.0), 0.3 * time)
-    velocity = np.array([sample.velocity[0] for sample in found])
-    np.testing.assert_allclose(velocity, 0.3 * (1.0 - np.exp(-2.0 * np.pi * 20.0 * time)), atol=1e-12)
-
-
 def test_a_driver_that_reads_seldom_repeats_what_it_has_read_noise_and_all() -> None:
     found = measured(JointSensorParams(rate_hz=100.0, noise_position=1e-3, noise_velocity=1e-2), np.zeros(200))
     for name in ("position", "velocity"):

@@ -12,7 +12,6 @@ from .grasp_cases import (
     G0,
     MU_K,
     MU_S,
-    POSTURE,
     RHO,
     STRIBECK_VELOCITY,
     VISCOUS,
@@ -27,7 +26,7 @@ from .grasp_cases import (
 DRIFT_M = 1e-9  # required: 1e-6 mm in 2 s
 BREAK_AWAY = 0.005  # required; the grip falls by 0.05 % a tick
 STRIBECK = 0.01  # required
-AT_REST_M_S = 1e-5  # soft native contacts creep this much; over 0.1 s that is 1 um
+AT_REST_M_S = 1e-5  # over 0.1 s that is 1 um
 STUCK_M_S = 1e-12  # stick leaves rounding only
 DIRECTIONS = {"x": (1.0, 0.0, 0.0), "diagonal": (1.0, -1.0, 0.0), "minus_y": (0.0, -1.0, 0.0)}
 
@@ -55,18 +54,6 @@ def test_stick_does_not_drift_at_90_percent_load_with_vibration(model):
         peak = max(peak, friction_used(simulation) / (static * grip))
     assert peak == pytest.approx(0.9, abs=0.01)
     assert np.abs(slip(simulation) - start).max() < DRIFT_M
-
-
-def test_lugre_does_not_drift_at_90_percent_load_with_vibration():
-    """Elastic to and fro is allowed, so whole periods apart and after the start has died out."""
-    simulation, grip = loaded("lugre", share=0.88)  # the bristles' resonance adds 2 %
-    marks, loads = {}, {}
-    for k in range(3001):
-        simulation.step(shaken_hold(simulation, k, 3.0))
-        marks[k], loads[k] = slip(simulation), friction_used(simulation) / (MU_S * grip)
-    assert max(loads[k] for k in range(1000, 3001)) == pytest.approx(0.9, abs=0.01)
-    assert np.ptp([marks[k][0] for k in range(2900, 3000)]) > 10 * DRIFT_M, "the bristles do bend"
-    assert np.abs(marks[3000] - marks[1000]).max() < DRIFT_M  # the arm's own start dies out with 20 rad/s
 
 
 def test_the_same_vibration_over_the_limit_slips():
@@ -119,16 +106,6 @@ def test_the_wrench_on_the_robot_points_along_the_slip_of_the_object():
     assert cosine == pytest.approx(-1.0, abs=1e-6)
 
 
-def test_without_grip_the_object_falls_freely_in_the_pads_plane():
-    simulation = grasp(gravity_on_pad=(1.0, 1.0, 0.0), grip=0.0)
-    ticks, dt, start = 100, 1e-3, simulation.observe().truth.position
-    for _ in range(ticks):
-        simulation.step(None)
-    distance = (simulation.observe().truth.position - start) @ np.array(simulation.params.gravity) / G0
-    exact = 0.5 * G0 * ticks * (ticks + 1) * dt**2  # semi-implicit Euler's own closed form
-    assert distance == pytest.approx(exact, rel=1e-3)  # the held arm gives way a little when the load goes
-
-
 def dropped(ticks=300, **more):
     """Slip after the grip is loosened for 0.1 s under the object's weight and closed again; (3,) [m]."""
     simulation = grasp(gravity_on_pad=(1.0, 0.5, 0.0), offset=(0.02, 0.01, 0.0), grip=40.0, **more)
@@ -145,17 +122,3 @@ def test_slip_distance_converges_when_the_step_is_halved():
     ratios = [a / b for a, b in itertools.pairwise(gaps)]
     assert all(1.6 < ratio < 2.4 for ratio in ratios), ratios  # first order, the grip changes on whole ticks
     assert gaps[0] < 0.02 * np.linalg.norm(runs[-1]), "1 ms is within 2 %"
-
-
-def test_automatic_sub_steps_keep_a_light_object_in_a_firm_grip_stable():
-    """50 g under 20 N on a steep Stribeck curve: a whole step would have several roots."""
-    simulation = grasp(
-        gravity_on_pad=(1.0, 0.0, 0.0), grip=20.0, **{"object.mass": 0.05, "friction.stribeck_velocity": 0.01}
-    )
-    for k in range(300):
-        simulation.set_grip_force(0.5 if 20 <= k < 60 else 20.0)
-        simulation.step(None)
-        assert np.isfinite(simulation.observe().wrench.wrench).all()
-    assert slip_speed(simulation) < STUCK_M_S
-    assert np.linalg.norm(slip(simulation)) > 1e-3
-    assert len(POSTURE) == simulation.observe().joint.position.size

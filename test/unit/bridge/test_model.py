@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import mujoco
 import numpy as np
 import pytest
@@ -12,7 +10,6 @@ from slip_core.errors import InputError
 from slip_core.params import build
 from slip_description import urdf_text
 from slip_sim_bridge.params import BridgeParams
-from slip_sim_bridge.plant.model import OBJECT, PAD, add_scenery
 from slip_sim_bridge.plant.rigid import build_model
 from test.unit.bridge.one_arm import OneArm
 
@@ -35,30 +32,6 @@ def test_model_options_avoid_the_engines_traps():
     assert model.opt.integrator == mujoco.mjtIntegrator.mjINT_EULER
     assert not np.any(model.dof_damping)
     assert model.body("finger_left").mass[0] > 0.0  # fixed links keep their mass
-
-
-def test_the_drawn_pads_lie_on_the_faces_of_the_drawn_object():
-    model = build_model(BridgeParams(), urdf_text())
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    drawn, upper, lower = (data.geom(f"{name}_drawn") for name in (OBJECT, f"{PAD}_upper", f"{PAD}_lower"))
-    axis = upper.xmat.reshape(3, 3)[:, 2]
-    half = np.abs(axis @ drawn.xmat.reshape(3, 3)) @ model.geom(f"{OBJECT}_drawn").size
-    for pad, side in ((upper, 1.0), (lower, -1.0)):
-        distance = axis @ (pad.xpos - drawn.xpos)
-        assert distance == pytest.approx(side * (half + model.geom(f"{PAD}_upper_drawn").size[1]))
-
-
-def test_the_scenery_is_that_of_the_own_contact_however_many_there_are():
-    def drawn(contacts: int) -> np.ndarray:
-        values = {"position": (0.01, 0.02, 0.03) * contacts, "orientation_xyzw": (0.0, 0.0, 0.0, 1.0) * contacts}
-        spec = mujoco.MjSpec()
-        bodies = [spec.worldbody.add_body(name=name) for name in ("pad", "grasped")]
-        contacts_of = SimpleNamespace(**values)
-        add_scenery(spec, SimpleNamespace(contacts=contacts_of, display=BridgeParams().display), *bodies)
-        return spec.compile().geom_pos
-
-    np.testing.assert_array_equal(drawn(1), drawn(2))
 
 
 def test_joint_friction_of_a_urdf_is_left_out():

@@ -10,9 +10,9 @@ from numba.core.errors import NumbaWarning
 
 from slip_sim_bridge.friction import friction_law, law_names
 from slip_sim_bridge.friction.params import FrictionParams
-from slip_sim_bridge.plant.fixed_point import next_point, remember
 from slip_sim_bridge.plant.rigid import STOP_AGREEMENT, compile_laws
 from slip_sim_bridge.plant.rigid_step import rigid_step
+from slip_sim_bridge.plant.solvers import next_point, remember
 from slip_sim_bridge.simulation import Simulation
 from test.referees.contact_step import joint_friction
 

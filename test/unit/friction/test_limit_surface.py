@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import itertools
 import math
 
@@ -15,7 +14,6 @@ from scipy.optimize import brentq
 from slip_core.errors import InputError
 from slip_core.params import build
 from slip_core.vectors import Vec
-from slip_sim_bridge.friction import law_names
 from slip_sim_bridge.friction.limit_surface import MOST_SUBSTEPS, projection
 from slip_sim_bridge.friction.params import FrictionParams
 from test.unit.bridge.contact import coulomb, stribeck, upper
@@ -245,11 +243,3 @@ def test_nothing_moves_nothing_pushes():
 def test_impossible_laws_are_refused(values, word):
     with pytest.raises(InputError, match=word):
         build(FrictionParams, values, "test")
-
-
-def test_every_law_has_what_the_interface_asks_for():
-    for name in law_names():
-        law = importlib.import_module(f"slip_sim_bridge.friction.{name}")
-        assert law.LAYOUT.itemsize > 0
-        assert law.STATEFUL in (True, False)
-        assert all(callable(getattr(law, part)) for part in ("fill", "limit", "steepest_fall", "solve"))

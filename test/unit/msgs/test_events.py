@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 import pytest
@@ -77,9 +76,3 @@ def test_without_a_parent_only_warnings_are_told(
     warn("recorder", "topic /x has several types")
     told = capsys.readouterr()
     assert (told.out, told.err) == ("", "warning: recorder: topic /x has several types\n")
-
-
-def test_nobody_spells_an_event_by_hand() -> None:
-    by_hand = re.compile(r"""["']event["']|SLIP_VIC_EVENTS["']""")
-    found = [path.name for path in SRC.rglob("*.py") if by_hand.search(path.read_text())]
-    assert found == ["events.py"]

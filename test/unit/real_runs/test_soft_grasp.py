@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from slip_core.records import new, record
 from slip_sim_bridge.friction import lugre
-from slip_sim_bridge.soft_grasp import COLUMNS, OBJECT, G, carry
+from tools.real_data.soft_grasp import COLUMNS, OBJECT, G, carry
 
 LEVER, GYRATION, RHO = 0.1, 0.06, 0.006
 

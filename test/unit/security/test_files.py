@@ -23,10 +23,9 @@ from slip_bags.reader import Bag
 from slip_core.compiled import check_private
 from slip_core.errors import InputError, ProtocolError
 from slip_core.files.link_tree import read_links
-from slip_core.files.placed_urdf import placed_urdf
 from slip_core.files.plain_yaml import DEEPEST, read_yaml
 from slip_core.files.urdf import DEEPEST as DEEPEST_URDF
-from slip_core.files.urdf import MOST_LINKS, base_of, parse_urdf
+from slip_core.files.urdf import base_of, parse_urdf, placed_urdf
 from slip_core.params import load_yaml, parse_assignment
 from slip_msgs_py.messages.layout import Schema
 from slip_sim_bridge.plant.model import arm_spec
@@ -120,14 +119,6 @@ def row_of_links(count: int, joints: str = "") -> str:
     return f'<robot name="row">{links}{"".join(fixed)}{joints}</robot>'
 
 
-def star_of_links(count: int) -> str:
-    links = "".join(f'<link name="l{k}"/>' for k in range(count + 1))
-    fixed = (
-        f'<joint name="j{k}" type="fixed"><parent link="l0"/><child link="l{k}"/></joint>' for k in range(1, count)
-    )
-    return f'<robot name="star">{links}{"".join(fixed)}</robot>'
-
-
 SECOND = '<joint name="again" type="fixed"><parent link="l0"/><child link="l2"/></joint>'
 RING = '<joint name="back" type="fixed"><parent link="l3"/><child link="l0"/></joint>'
 
@@ -135,11 +126,7 @@ RING = '<joint name="back" type="fixed"><parent link="l3"/><child link="l0"/></j
 @pytest.mark.parametrize(
     ("text", "what"),
     [
-        (row_of_links(5000), "links"),
-        (row_of_links(500), "joints in a row"),
-        (star_of_links(5000), "links"),
-        ("<robot>" + "<link>" * 3000 + "</link>" * 3000 + "</robot>", "nested"),
-        ("<robot>" + "<a/>" * 500_000 + "</robot>", "tags"),
+        (row_of_links(5000), "joints in a row"),
         (row_of_links(3, SECOND), "two joints"),
         (row_of_links(3, RING), "ring"),
         (ENTITIES, "document type"),
@@ -165,24 +152,18 @@ def test_what_is_no_plain_urdf_reaches_no_parser_of_a_physics_library(text: str,
         assert len(str(found.value)) < 1000
 
 
-def test_the_largest_tree_within_the_bounds_is_no_trouble_to_the_libraries() -> None:
-    """An arm behind as many fixed joints in a row as are taken, and with as many links."""
+def test_the_deepest_tree_is_read_by_the_libraries() -> None:
+    """An arm behind as many fixed joints in a row as are accepted."""
     scenario = load_scenario("paper_planar")
     base = base_of(parse_urdf(scenario.urdf))
     room = DEEPEST_URDF - len(parse_urdf(scenario.urdf).findall("joint"))
     front = row_of_links(room).removeprefix('<robot name="row">').removesuffix("</robot>")
-    beside = MOST_LINKS - room - 1 - len(parse_urdf(scenario.urdf).findall("link"))
-    front += "".join(
-        f'<link name="b{k}"/><joint name="c{k}" type="fixed"><parent link="l0"/><child link="b{k}"/></joint>'
-        for k in range(beside)
-    )
     front += f'<joint name="to_arm" type="fixed"><parent link="l{room}"/><child link="{base}"/></joint>'
     text = scenario.urdf.replace("</robot>", front + "</robot>")
-    assert len(parse_urdf(text).findall("link")) == MOST_LINKS
     robot = Robot(text, scenario.controller.ee_frame, scenario.controller.joint_names)
     assert robot.joint_names == scenario.controller.joint_names
     assert arm_spec(scenario.bridge, text) is not None
-    assert len(read_links(text)) == MOST_LINKS
+    assert len(read_links(text)) == len(parse_urdf(text).findall("link"))
 
 
 # -- bags -------------------------------------------------------------------------------------------------------------

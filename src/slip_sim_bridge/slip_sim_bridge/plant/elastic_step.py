@@ -34,7 +34,7 @@ from slip_core.vectors import Mat, Vec, mat, put, put_mat, vec
 from slip_sim_bridge.friction import FrictionLaw
 from slip_sim_bridge.friction.limit_surface import scaled
 from slip_sim_bridge.plant import GRASP, GRASP_SIZE, Grasp
-from slip_sim_bridge.plant.half import solve_half
+from slip_sim_bridge.plant.solvers import solve_half
 
 PASSES: Final = 100
 AGREEMENT: Final = 1e-13

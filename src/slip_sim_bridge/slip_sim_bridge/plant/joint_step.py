@@ -21,7 +21,7 @@ import numpy as np
 from slip_core.arrays import Array
 from slip_core.compiled import IN1, INT, OUT2, REAL, WHOLE1, kernel, part
 from slip_core.records import Real, Record, Records, WholeArray, dtype_of, records
-from slip_sim_bridge.plant.half import solve_half
+from slip_sim_bridge.plant.solvers import solve_half
 
 FRICTION, VELOCITY, POSITION = 0, 1, 2
 BLOCK_PASSES: Final = 20

@@ -22,10 +22,6 @@ from slip_sim_bridge.plant import DivergenceError
 
 PAD = "grasp_pad"
 OBJECT = "grasp_object"
-FLOOR = "floor"
-PAD_RADIUS, PAD_THICKNESS = 0.011, 0.003
-"""[m]; as drawn."""
-_GREY, _DARK, _PAPER = (0.78, 0.8, 0.83, 1.0), (0.17, 0.18, 0.21, 1.0), (0.91, 0.86, 0.75, 1.0)
 _SENSORS = {"grasp_force": mujoco.mjtSensor.mjSENS_FORCE, "grasp_torque": mujoco.mjtSensor.mjSENS_TORQUE}
 _FATAL_WARNINGS = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
 
@@ -121,53 +117,6 @@ def set_object_inertia(body: mujoco.MjsBody, params: BridgeParams) -> None:
     body.ipos = -o_R_p.T @ o_x_p
     body.fullinertia = [J[0, 0], J[1, 1], J[2, 2], J[0, 1], J[0, 2], J[1, 2]]
     body.explicitinertial = True
-
-
-def add_scenery(spec: mujoco.MjSpec, params: BridgeParams, pad: mujoco.MjsBody, grasped: mujoco.MjsBody) -> None:
-    """Add floor, light, pads and the object's display size: to look at, without mass and without contact.
-
-    Args:
-        spec: the model.
-        params: whose `display` counts.
-        pad: body at the pad centre.
-        grasped: body of the object, whose frame is the grasp frame {p}.
-    """
-    kind = mujoco.mjtGeom
-    spec.worldbody.add_light(pos=[0.5, -0.5, 3.0], dir=[-0.1, 0.15, -1.0])
-    _draw(spec.worldbody, FLOOR, kind.mjGEOM_PLANE, (2.0, 2.0, 0.1), _GREY)
-    o_R_p = matrix_from_quat_xyzw(params.contacts.orientation_xyzw[:4])
-    half = 0.5 * np.array(params.display.object_size)
-    centre = -o_R_p.T @ np.array(params.contacts.position[:3])
-    x, y, z, w = params.contacts.orientation_xyzw[:4]
-    _draw(grasped, f"{OBJECT}_drawn", kind.mjGEOM_BOX, half, _PAPER, centre, (w, -x, -y, -z))
-    thickness = float(np.abs(o_R_p[:, 2]) @ half)
-    for name, side in (("upper", 1.0), ("lower", -1.0)):
-        height = centre[2] + side * (thickness + 0.5 * PAD_THICKNESS)
-        size = (PAD_RADIUS, 0.5 * PAD_THICKNESS, 0.0)
-        _draw(pad, f"{PAD}_{name}_drawn", kind.mjGEOM_CYLINDER, size, _DARK, (0.0, 0.0, height))
-
-
-def _draw(
-    body: mujoco.MjsBody,
-    name: str,
-    kind: mujoco.mjtGeom,
-    size: Sequence[float] | Array,
-    colour: Sequence[float],
-    position: Sequence[float] | Array = (0.0, 0.0, 0.0),
-    quaternion_wxyz: Sequence[float] = (1.0, 0.0, 0.0, 0.0),
-) -> None:
-    body.add_geom(
-        name=name,
-        type=kind,
-        size=list(size),
-        pos=list(position),
-        quat=list(quaternion_wxyz),
-        rgba=list(colour),
-        mass=0.0,
-        contype=0,
-        conaffinity=0,
-        group=1,
-    )
 
 
 def push_object(data: mujoco.MjData, body: int, wrench: Array) -> None:

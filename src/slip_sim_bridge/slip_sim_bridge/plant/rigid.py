@@ -14,7 +14,7 @@ import numpy as np
 
 from slip_core.arrays import Array, matrix_from_quat_xyzw
 from slip_core.errors import InputError
-from slip_core.files.placed_urdf import on_base
+from slip_core.files.urdf import on_base
 from slip_core.records import new, record
 from slip_sim_bridge.friction import friction_law, law_names
 from slip_sim_bridge.friction.params import FrictionParams
@@ -26,7 +26,6 @@ from slip_sim_bridge.plant.model import (
     PAD,
     Divergence,
     add_pad,
-    add_scenery,
     arm_spec,
     compile_spec,
     effort_limits,
@@ -58,7 +57,6 @@ def build_model(params: BridgeParams, urdf_text: str) -> mujoco.MjModel:
     pad = add_pad(spec, params.ee_frame)
     grasped = pad.add_body(name=OBJECT)
     set_object_inertia(grasped, params)
-    add_scenery(spec, params, pad, grasped)
     slide, hinge = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
     for name, kind, axis in zip(SLIP_JOINTS, (slide, slide, hinge), np.eye(3), strict=True):
         grasped.add_joint(name=name, type=kind, axis=axis)

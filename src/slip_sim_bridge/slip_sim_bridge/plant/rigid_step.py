@@ -22,9 +22,8 @@ from slip_core.vectors import ZERO, Vec, mat, put, put_mat, vec
 from slip_sim_bridge.friction import FrictionLaw
 from slip_sim_bridge.friction.limit_surface import scaled, substeps_needed
 from slip_sim_bridge.plant import GRASP, GRASP_SIZE, Grasp
-from slip_sim_bridge.plant.fixed_point import PASSES, next_point, remember
-from slip_sim_bridge.plant.half import solve_half
 from slip_sim_bridge.plant.joint_step import AGREEMENT, TORQUE, joint_step
+from slip_sim_bridge.plant.solvers import PASSES, next_point, remember, solve_half
 
 
 class RigidContact(Record):

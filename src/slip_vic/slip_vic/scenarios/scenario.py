@@ -14,8 +14,8 @@ from pydantic import Field
 
 from slip_core.arms import ONE_ARM, params_of_arms, prefix_of
 from slip_core.errors import InputError, UnknownName
-from slip_core.files.placed_urdf import on_base
 from slip_core.files.plain_yaml import read_yaml
+from slip_core.files.urdf import on_base
 from slip_core.files.urdf_file import read_urdf
 from slip_core.grasp_params import BaseParams, Three
 from slip_core.loading import without_collector

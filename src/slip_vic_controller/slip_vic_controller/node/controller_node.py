@@ -20,7 +20,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 
 from slip_core.arms import by_arm, shared
 from slip_core.errors import SlipVicError
-from slip_core.files.placed_urdf import placed_urdf
+from slip_core.files.urdf import placed_urdf
 from slip_core.files.urdf_file import read_urdf
 from slip_core.grasp_params import BaseParams
 from slip_msgs_py.endpoint_matching import EndpointMatching, Waiting

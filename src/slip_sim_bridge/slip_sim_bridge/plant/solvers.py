@@ -1,4 +1,4 @@
-"""Where two solvers agree: the next point of Anderson's acceleration, compiled."""
+"""Half of a solve with MuJoCo's factor of the mass matrix, and the next point of Anderson's acceleration; compiled."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.compiled import part
+from slip_core.records import WholeArray
 
 PASSES: Final = 60
 RANK: Final = 1e-12
@@ -63,3 +64,14 @@ def next_point(points: Array, values: Array, count: int, x: Array) -> None:
         x[k] = values[0, k]
         for j in range(steps):
             x[k] -= shares[j] * (values[j, k] - values[j + 1, k])
+
+
+@part
+def solve_half(factor: Array, tree: WholeArray, x: Array) -> None:
+    """Replace x by L^-T x, with M = L^T D L as MuJoCo keeps it: rows of L side by side, the diagonal last."""
+    n = x.shape[0]
+    for step in range(n):
+        i = n - 1 - step
+        first, count = tree[i], tree[n + i]
+        for at in range(first, first + count - 1):
+            x[tree[2 * n + at]] -= factor[at] * x[i]
