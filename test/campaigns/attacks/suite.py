@@ -29,6 +29,7 @@ from slip_vic.run.prepare import prepare
 from slip_vic.run.processes import Child, ProcessGroup, child_environment
 from slip_vic.scenarios.scenario import Scenario
 from slip_vic_controller.arm.robot import Robot
+from slip_vic_controller.safety.effort_limiter import LONGEST_STEP_S, RESTART_AFTER_S
 from test.campaigns.attacks.attacks import ATTACKS, TWO_SOURCES
 from test.campaigns.attacks.flood import FOREIGN
 from test.campaigns.faults.monitors import NS, ROUNDING
@@ -90,8 +91,8 @@ class CommandWatch:
         limits = params.safety.limits
         self._wire = Wire(EFFORT, params.joint_names, params.ee_frame)
         self._most = Robot(scenario.urdf, params.ee_frame, params.joint_names, params.gravity).effort_limit
-        self._step = (limits.effort_rate if effort_rate is None else effort_rate) * limits.longest_step_s
-        self._pause_s = limits.restart_after_s
+        self._step = (limits.effort_rate if effort_rate is None else effort_rate) * LONGEST_STEP_S
+        self._pause_s = RESTART_AFTER_S
         self._last: tuple[float, NDArray[np.float64]] | None = None
         self.violations: list[str] = []
         self.commands = 0

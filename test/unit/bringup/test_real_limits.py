@@ -6,6 +6,7 @@ import pytest
 
 from slip_vic.scenarios import scenario_names
 from slip_vic.scenarios.scenario import load_scenario
+from slip_vic_controller.safety.limit_avoidance import BRAKE_SHARE
 from test.support.limits import asked, shipped
 
 EFFORT_RATE = 1000.0
@@ -28,7 +29,7 @@ def test_nothing_is_asked_that_the_arm_does_not_have(name: str) -> None:
     for kind in CONTROLLERS:
         found = asked(shipped(name, kind))
         assert found.slope < EFFORT_RATE, kind
-        assert found.velocity < load_scenario(name).controller.safety.limits.velocity_brake, kind
+        assert found.velocity < BRAKE_SHARE, kind
         assert found.effort < 1.0, kind
         assert not found.limited, kind
         assert found.end == "ACTIVE", kind
