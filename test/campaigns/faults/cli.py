@@ -54,11 +54,9 @@ def faults(
     Exit code 1 where a trial shows otherwise; the command that repeats it is printed. Violations are printed as they
     are found; Ctrl-C ends with the summary so far.
     """
-    from test.campaigns.attacks import network
     from test.campaigns.faults import campaign
 
     if attacking:
-        network.enter()
         _attack(only, out)
         return
     console = Console(stderr=True)
