@@ -98,8 +98,6 @@ class RefereeInput:
     tau_0: np.ndarray
     previous: np.ndarray = field(default_factory=lambda: np.zeros(3))
     follow_error: np.ndarray = field(default_factory=lambda: np.zeros(6))
-    recovery: np.ndarray = field(default_factory=lambda: np.zeros(3))
-    least_gate: float = 0.0
     feed_forward: bool = True
     characteristic_length: float = 1.0
     spin_limit: float = np.inf
@@ -162,10 +160,9 @@ def referee_law(given: RefereeInput) -> dict[str, np.ndarray]:
     K = np.diag([k * np.exp(-g * abs(v)) for k, g, v in zip(given.K_D, given.gamma_k, fade, strict=True)])
     D = np.diag([d * np.exp(-g * abs(v)) for d, g, v in zip(given.D_D, given.gamma_d, fade, strict=True)])
     M_D = np.diag(given.M_D)
-    activation = np.tanh(given.alpha * np.linalg.norm(v_s * ([1.0] * 3 + [given.characteristic_length] * 3)))
-    gate = max(activation, given.least_gate)
+    gate = np.tanh(given.alpha * np.linalg.norm(v_s * ([1.0] * 3 + [given.characteristic_length] * 3)))
     comp = Phi2 - given.k_s * v_s - P @ (v_ee - v_s) - G[0].T @ np.linalg.inv(B_o) @ (g_o + h_o) - Theta
-    comp = comp + two(R) @ (given.follow_error - np.concatenate((given.recovery, np.zeros(3))))
+    comp = comp + two(R) @ given.follow_error
     mask = two(R) @ np.diag(given.slip_axes) @ np.linalg.inv(two(R))
     gated = gate * (mask @ comp)
     gated[3:] *= min(1.0, given.spin_limit / max(float(np.linalg.norm(gated[3:])), 1e-300))

@@ -26,7 +26,6 @@ class Tick:
     force: np.ndarray
     turn: np.ndarray
     drag: np.ndarray
-    likely: bool
     samples: list[tuple[int, tuple[float, ...]]] = field(default_factory=list)
     contradicts: list[bool] = field(default_factory=list)
     after: list[np.ndarray] = field(default_factory=list)
@@ -89,9 +88,7 @@ class ObserverReferee:
         turn[:3, :3], turn[3:, 3:] = skew(w_ee + 2.0 * w_o), skew(w_ee + w_o)
         step, force = on_pad(v_ee - self.v_ee - dt * motion["follow"]), on_pad(motion["force"])
         drag = motion["drag"] @ R
-        return Tick(
-            stamp_ns, dt, step[self.axes], force[self.axes], turn[self.block], drag[self.linear], motion["likely"]
-        )
+        return Tick(stamp_ns, dt, step[self.axes], force[self.axes], turn[self.block], drag[self.linear])
 
     # -- stick
     def _stick(self, tick: Tick, fresh) -> None:
@@ -99,7 +96,7 @@ class ObserverReferee:
         if len(self.history) > self.config.window_ticks:
             self._zero_velocity_update(self.history.pop(0))
         self.significance = self._window_significance()
-        seen_ns = -1
+        seen = False
         for stamp_ns, values in fresh:
             if stamp_ns > self.since_ns:
                 R = self.share * self.measurement_variance
@@ -110,17 +107,14 @@ class ObserverReferee:
                 if total > self.config.nis_slip and over > 1.0:
                     self.sample_mean = np.array(values)
                 if total > self.config.nis_slip:
-                    seen_ns = stamp_ns
-        if self.significance > (self.config.nis_likely if tick.likely else self.config.nis_slip):
+                    seen = True
+        if self.significance > self.config.nis_slip:
             self.P[:, 1, 1] += (self.onset_gain * np.sqrt(np.sum(tick.drag**2))) ** 2
             self.sliding = True
             self._run(0)
-        elif seen_ns >= 0:
+        elif seen:
             n, m = len(self.axes), self.sample_mean
-            if self.config.dates_samples:
-                self.history = [old for old in self.history[:-1] if old.stamp_ns >= seen_ns] + [tick]
-            else:
-                self.history = [tick]
+            self.history = [tick]
             self.x[:, 0] = m
             self.P = np.zeros((n, 3, 3))
             self.P[:, 0, 0] = self.share * self.measurement_variance + m**2

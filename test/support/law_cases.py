@@ -73,7 +73,6 @@ class Case:
         self.config, self.gains, self.arm, self.samples, self.slips, self.reference = views
         self.samples, self.slips = self.samples.at, self.slips.at
         self.follow_error, self.previous = np.zeros(6), np.zeros(3)
-        self.recovery, self.least_gate = np.zeros(3), 0.0
         self.q, self.qd, self.posture = np.zeros(joints), np.zeros(joints), np.zeros(joints)
         self.config.joints, self.config.contacts = joints, contacts
 
@@ -87,8 +86,8 @@ class Case:
         given, memory, sample = (new(layout) for layout in (GIVEN, MEMORY, JOINT_SAMPLE))
         config, gains, arm, samples, slips, reference = self.buffers
         buffers = {"gains": gains, "samples": samples, "slips": slips, "reference": reference}
-        own = {"follow_error": self.follow_error, "recovery": self.recovery, "least_gate": self.least_gate}
-        for name, buffer in (buffers | own).items():
+        buffers["follow_error"] = self.follow_error
+        for name, buffer in buffers.items():
             given[place(GIVEN, name)] = buffer
         memory[: self.joints], memory[place(MEMORY, "e_previous")] = self.posture, self.previous
         state = record(sample, JOINT_SAMPLE)
@@ -151,8 +150,6 @@ class Case:
             tau_0=c.nullspace_stiffness * (self.posture - self.q) - c.nullspace_damping * self.qd,
             previous=self.previous,
             follow_error=self.follow_error,
-            recovery=self.recovery,
-            least_gate=self.least_gate,
             feed_forward=bool(c.feed_forward),
             characteristic_length=g.characteristic_length,
             spin_limit=g.spin_limit,
@@ -174,7 +171,6 @@ def random_case(
     spin_limit: float = math.inf,
     length: float = 1.0,
     observed: bool = False,
-    least_gate: float = 0.0,
     feed_forward: bool = True,
     slip_axes: Any = None,
     kappa: float = 0.0,
@@ -221,7 +217,6 @@ def random_case(
     ref.rotation[:] = error.T @ arm.rotation if attitude == LOG else arm.rotation @ error.T
     ref.twist[:], ref.acceleration[:] = rng.standard_normal((2, 6))
     case.follow_error = rng.standard_normal(6) if observed else np.zeros(6)
-    case.previous, case.least_gate = rng.standard_normal(3), least_gate
+    case.previous = rng.standard_normal(3)
     case.q, case.qd, case.posture = rng.standard_normal((3, joints))
-    case.recovery = 5.0 * least_gate * rng.standard_normal(3)
     return case

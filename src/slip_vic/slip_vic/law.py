@@ -35,8 +35,7 @@ class LawMemory(Record):
 MEMORY = dtype_of(LawMemory)
 GIVEN = layout([
     ("gains", LAW_GAINS), ("samples", CONTACT_SAMPLE, MAX_CONTACTS), ("slips", SLIP, MAX_CONTACTS),
-    ("reference", REFERENCE), ("follow_error", "f8", 6), ("recovery", "f8", 3), ("least_gate", "f8"),
-    ("law", EVALUATION),
+    ("reference", REFERENCE), ("follow_error", "f8", 6), ("law", EVALUATION),
 ])  # fmt: skip
 
 

@@ -13,7 +13,7 @@ from slip_core.matrices import product
 from slip_core.records import new, record
 from slip_core.stamps import seconds_to_ns
 from slip_vic_controller.arm.command import LEAD, Interface
-from slip_vic_controller.arm.config import estimator_config, velocity_correlation
+from slip_vic_controller.arm.config import estimator_config
 from slip_vic_controller.arm.joint_estimate import ESTIMATOR_CONFIG
 from slip_vic_controller.arm.plausibility import BLIND_S
 from slip_vic_controller.arm.robot import Robot
@@ -25,13 +25,7 @@ from slip_vic_controller.governor.grip import GripConfig
 from slip_vic_controller.governor.layouts import MAX_WINDOW, GovernorConfig
 from slip_vic_controller.governor.plan import Governing
 from slip_vic_controller.interfaces import fill_wrench_sensor
-from slip_vic_controller.law.bounds import (
-    DRIVE_SHARE,
-    GEARS_SHARE,
-    INTERNAL_BOUND,
-    ROUNDING,
-    internal_gain_limit,
-)
+from slip_vic_controller.law.bounds import DRIVE_SHARE, INTERNAL_BOUND, ROUNDING, internal_gain_limit
 from slip_vic_controller.law.config import LAW_CONFIG, make_law_config
 from slip_vic_controller.law.contact import fill_contacts
 from slip_vic_controller.law.gains import LAW_GAINS, UNKNOWN_LAG, gain_report, make_law_gains
@@ -92,12 +86,6 @@ time for which the compensation may then be at work, as long as nothing falls.""
 FASTEST_SLIP_M_S, FASTEST_SLIP_S = 0.08, 0.01
 """Slip that compensation behind such drives does not end: where it is as fast, the two swing against each other. And
 for how long: an estimate that begins with a wrong model is as fast for some cycles."""
-SLIP_MEMORY_S = 0.1
-"""Time constant with which the law forgets slip while motion takes nearly all that friction carries, where no governor
-prevents it [s]. Two arms pull at what they hold, and do not remember."""
-SLIP_INTEGRAL, SLIP_INTEGRAL_OF_EFFORTS = 1.0 / 8.0, 1.0 / 32.0
-"""Share of k_s^2 by which that slip accelerates the pad: damping of the slip loop 1.4, and 2.8 where delays are not
-predicted."""
 HOLD_PERIOD_S = 0.01
 """Longest control period at which HOLD has its configured gains; beyond it is the same loop in slow motion [s]."""
 STOPS_WITHIN = 2.0
@@ -130,7 +118,7 @@ def make_config(params: ControllerParams, robot: Robot, *, lockstep: bool, arms:
     _check_internal_gain(params)
     gains = make_law_gains(params, gain_report(params).used)
     _copy(config, "gains", gains, config.gains.dtype)
-    _fill_observer(config, params, weighed=False)
+    _fill_observer(config, params)
     _copy(config, "estimator", estimator_config(params, robot.effort_limit), ESTIMATOR_CONFIG)
     _fill_tare(config.tare, params.tare, len(robot.joint_names))
     safety = params.safety
@@ -162,16 +150,15 @@ def renew_config(config: ControllerConfig, params: ControllerParams) -> None:
     _fill_hold(config.hold, params)
 
 
-def use_noise(config: ControllerConfig, params: ControllerParams, effort_limit: Array, *, weighed: bool) -> None:
+def use_noise(config: ControllerConfig, params: ControllerParams, effort_limit: Array) -> None:
     """Use other noise of the sensors in a CONFIG: what observer, estimator and governor take of it.
 
     Args:
         config: changed.
         params: with that noise.
         effort_limit: (n,) [N m].
-        weighed: whether a tare has measured the object's mass.
     """
-    _fill_observer(config, params, weighed=weighed)
+    _fill_observer(config, params)
     _copy(config, "estimator", estimator_config(params, effort_limit), ESTIMATOR_CONFIG)
     _fill_governor(config.governor, params)
 
@@ -252,23 +239,15 @@ def _fill_cycle(cycle: CycleConfig, params: ControllerParams, joints: int) -> No
         seconds_to_ns(params.slip_delay_s), int(gate_shut(params) or prevents_alone(params))
     )  # fmt: skip
     cycle.models_wrench = int(params.wrench.source == "none")
-    by_effort = params.command.interface == "effort"
-    held = not by_effort or params.is_geared
-    if held and params.stands_alone and params.slip_estimator == "observer" and params.contacts.count == 1:
-        cycle.slip_memory_s = SLIP_MEMORY_S
-        cycle.slip_integral = SLIP_INTEGRAL_OF_EFFORTS if by_effort else SLIP_INTEGRAL
     cycle.leaves_gravity = int(params.effort.gravity == "robot_compensates")
     cycle.k_s_adapts, cycle.k_s_margin = int(params.gains.k_s_mode != "fixed"), params.gains.k_s_margin
     cycle.drive_lag_s = params.drive_lag_s
     foresees = params.foresees_slip and cycle.gate_shut == 0
     cycle.slip_ahead_s = (1.0 - UNKNOWN_LAG) * params.drive_lag_s if foresees else 0.0
-    cycle.kappa_share, cycle.kappa_late_s = DRIVE_SHARE, 0.0
-    if by_effort and not params.estimates_joints:  # an arm that does what it is told, at once
-        cycle.kappa_share = 1.0
-    elif params.is_geared:
-        cycle.kappa_share = GEARS_SHARE
-    elif by_effort:
-        cycle.kappa_late_s = UNTOLD_S
+    if params.estimates_joints:
+        cycle.kappa_share, cycle.kappa_late_s = DRIVE_SHARE, UNTOLD_S
+    else:  # an arm that does what is commanded, at once
+        cycle.kappa_share, cycle.kappa_late_s = 1.0, 0.0
 
 
 def _fill_inputs(config: ControllerConfig, params: ControllerParams, robot: Robot, *, lockstep: bool) -> None:
@@ -360,11 +339,9 @@ def _fill_drop(drop: DropDetectionConfig, params: ControllerParams) -> None:
     drop.evidence = math.inf if unseen else safety.fallback.evidence
 
 
-def _fill_observer(config: ControllerConfig, params: ControllerParams, *, weighed: bool) -> None:
+def _fill_observer(config: ControllerConfig, params: ControllerParams) -> None:
     if params.slip_estimator == "observer":
-        lasts = velocity_correlation(params)
-        made = observer_config(params, weighed=weighed, correlation_ticks=lasts)
-        _copy(config, "observer", made, OBSERVER_CONFIG)
+        _copy(config, "observer", observer_config(params), OBSERVER_CONFIG)
 
 
 def _fill_hold(hold: HoldConfig, params: ControllerParams) -> None:

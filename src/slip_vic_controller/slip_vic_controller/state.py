@@ -18,8 +18,8 @@ from slip_vic_controller.interfaces import WrenchSensor
 from slip_vic_controller.law.arm import Arm
 from slip_vic_controller.law.config import LawConfig
 from slip_vic_controller.law.contact import ContactSample, Slip
+from slip_vic_controller.law.extensions import CompensationState, GivingUpConfig
 from slip_vic_controller.law.gains import LawGains, Ramp
-from slip_vic_controller.law.giving_up import CompensationState, GivingUpConfig
 from slip_vic_controller.law.law import Evaluation
 from slip_vic_controller.law.symbols import SlipEstimate
 from slip_vic_controller.path.goals import Goal, GoalsConfig
@@ -61,8 +61,6 @@ class CycleConfig(Record):
     kappa_share: Real  # of that bound, which the drives leave
     kappa_late_s: Real  # s; by which efforts may be later than told
     slip_delay_ns: Whole  # by which the stamps of slip samples are too late
-    slip_memory_s: Real  # time constant with which slip is forgotten while motion is near friction, 0 = at once
-    slip_integral: Real  # share of k_s^2 by which the slip of that time accelerates the pad
     gate_shut: Whole  # whether the law takes the object as held
     leaves_gravity: Whole  # whether the arm carries its own weight
     models_wrench: Whole  # whether there is no wrench sensor
@@ -132,8 +130,6 @@ class LawState(Record):
     position: Joints  # rad; the last finite joint position
     gravity: Joints  # N m; g there
     e_previous: Vec3  # rad
-    gate: Real  # slip activation
-    slipped: Vec3  # m {ee}; lately
     slips: Annotated[Records[Slip], MAX_CONTACTS]
     ramp: Ramp
     slip_latency: SlipLatency
@@ -271,8 +267,6 @@ class CycleOutputs(Record):
     samples: Annotated[Records[ContactSample], MAX_CONTACTS]
     slips: Annotated[Records[Slip], MAX_CONTACTS]
     follow_error: Vec6  # m/s^2, rad/s^2 {ee}
-    recovery: Vec3  # m/s^2 {ee}; against the slip that has been
-    least_gate: Real  # below which the slip activation does not fall
     gains: LawGains
     reference: DesiredMotion
     motion: Motion

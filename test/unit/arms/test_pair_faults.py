@@ -38,19 +38,17 @@ def test_an_input_of_one_arm_that_falls_silent_stops_both(topic: str) -> None:
     assert trial.modes["HOLD" if topic == JOINT else "DEGRADED"] > 20
 
 
-def test_some_trials_keep_the_promises() -> None:
-    # The last one: the law of one arm cannot be evaluated while its joint states are late, and the other went on.
-    for seed, number in ((7, 0), (7, 9), (7, 21), (1, 43)):
-        assert judge_pair(seed, number).violations == ()
+@pytest.mark.parametrize(("seed", "number"), [(7, 0), (7, 9), (1, 43)])
+def test_trials_keep_the_promises(seed: int, number: int) -> None:
+    assert judge_pair(seed, number).violations == ()
 
 
-def test_both_go_on_together_after_a_stop_though_each_joint_state_is_answered_as_it_comes() -> None:
-    for topic in (JOINT, WRENCH):
-        trial = PairTrial(SCENARIOS[1], (Fault("drop", f"left/{topic}", 0.2, 0.1, 0.9),), 1, 0)
-        assert trial.run() == []
-        mode, least = ("HOLD", 21) if topic == JOINT else ("DEGRADED", 5)
-        assert trial.modes[mode] >= least, topic
-        assert trial.follows == (True, True)
+@pytest.mark.parametrize(("topic", "mode", "least"), [(JOINT, "HOLD", 21), (WRENCH, "DEGRADED", 5)])
+def test_both_resume_together(topic: str, mode: str, least: int) -> None:
+    trial = PairTrial(SCENARIOS[1], (Fault("drop", f"left/{topic}", 0.2, 0.1, 0.9),), 1, 0)
+    assert trial.run() == []
+    assert trial.modes[mode] >= least
+    assert trial.follows == (True, True)
 
 
 @pytest.mark.parametrize(("name", "pause"), [(SCENARIOS[0], (0.3, 0.5)), (SCENARIOS[1], (0.3, 0.4))])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,6 @@ from slip_sim_bridge.internal import internal_wrenches
 from slip_vic.page.runs import shown
 from slip_vic.run.metrics import off_goal_m
 from slip_vic.scenarios.scenario import load_scenario
-from slip_vic.study.lottery import Entry, draw_of, lottery_file, lottery_table, play
 from slip_vic_controller.arm.robot import Robot
 
 SHORT = ("left.bridge.duration_s=0.03", "right.bridge.duration_s=0.03")
@@ -56,28 +54,6 @@ def test_both_pads_end_where_the_path_of_the_object_takes_them(scenario: str) ->
         turned = params.model_copy(update={"trajectory": params.trajectory.model_copy(update={"of": "pad"})})
         assert off_goal_m(series, params) < 1e-3
         assert off_goal_m(series, turned) > 0.05, "a pad that only shifts as the object does is elsewhere"
-
-
-def test_a_pane_that_slides_out_is_lost() -> None:
-    run = load_scenario(UPRIGHT, assignments=("bridge.friction.mu_s=0.1", "bridge.friction.mu_k=0.1")).run()
-    assert run.outcome in ("lost", "fault")
-    assert run.reason
-    assert run.slip_mm < 60.0
-
-
-def test_a_lottery_runs_every_law_in_every_world_and_counts(tmp_path: Path) -> None:
-    tickets = [draw_of(number, 0, [UPRIGHT, "pane_two_arms_flat"]) for number in range(2)]
-    assert [ticket.scenario for ticket in tickets] == [UPRIGHT, "pane_two_arms_flat"]
-    short = [replace(ticket, world=(*ticket.world, *SHORT)) for ticket in tickets]
-    laws = (Entry("classical", "classical"), Entry("vic"))
-    played = [(ticket, {law.name: play(ticket, law) for law in laws}) for ticket in short]
-    assert {drawn.outcome for _, by_law in played for drawn in by_law.values()} == {"ok"}
-    assert lottery_table(played).row_count == 3
-    with lottery_file(tmp_path / "lottery.csv") as write:
-        for done, (ticket, by_law) in enumerate(played, start=1):
-            write(ticket, by_law)
-            rows = (tmp_path / "lottery.csv").read_text().splitlines()
-            assert len(rows) == 1 + 2 * done  # on the disk as soon as the case ends
 
 
 def test_both_arms_have_a_slip_observer_of_their_own_contact() -> None:

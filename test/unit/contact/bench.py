@@ -28,11 +28,11 @@ class Bench:
         self.twist = np.zeros(6)
         self.tick, self.start_ns = 0, start_ns
 
-    def step(self, acceleration, follow=None, samples=(), drag=(0.0, 0.0, 0.0), likely=False):
+    def step(self, acceleration, follow=None, samples=(), drag=(0.0, 0.0, 0.0)):
         """Do a tick of 1 ms; return the state."""
         self.tick += 1
         self.twist = self.twist + 1e-3 * acceleration
-        motion = make_motion(self.twist, follow, drag=drag, likely=likely)
+        motion = make_motion(self.twist, follow, drag=drag)
         return self.move(motion, self.start_ns + self.tick * MS, samples)
 
     def move(self, motion: np.ndarray, stamp_ns: int, samples=()):

@@ -51,13 +51,10 @@ class Observer:
         params: of the controller.
         start_ns: stamp of the tick before the first one.
         rows: capacity of the history, where it is not what the parameters ask for.
-        correlation_ticks: for how many ticks noise of the pad's velocity stays the same.
     """
 
-    def __init__(
-        self, params: ControllerParams, start_ns: int = 0, rows: int | None = None, correlation_ticks: float = 0.0
-    ) -> None:
-        self.config_buffer = observer_config(params, correlation_ticks=correlation_ticks)
+    def __init__(self, params: ControllerParams, start_ns: int = 0, rows: int | None = None) -> None:
+        self.config_buffer = observer_config(params)
         self.config = record(self.config_buffer, OBSERVER_CONFIG)
         self.buffer = new(OBSERVER)
         self.state = record(self.buffer, OBSERVER)
@@ -86,13 +83,11 @@ class Observer:
         return other
 
 
-def make_motion(
-    v_ee, follow=None, force=None, drag=(0.0, 0.0, 0.0), w_o=(0.0, 0.0, 0.0), R=None, likely=False
-) -> np.ndarray:
+def make_motion(v_ee, follow=None, force=None, drag=(0.0, 0.0, 0.0), w_o=(0.0, 0.0, 0.0), R=None) -> np.ndarray:
     buffer = new(MOTION)
     motion = buffer.view(MOTION)[0]  # a record by name is slower in Python
     motion["rotation"] = np.eye(3) if R is None else R
-    motion["v_ee"], motion["drag"], motion["w_o"], motion["likely"] = v_ee, drag, w_o, likely
+    motion["v_ee"], motion["drag"], motion["w_o"] = v_ee, drag, w_o
     motion["follow"] = 0.0 if follow is None else follow
     motion["force"] = motion["follow"] if force is None else force
     return buffer

@@ -5,16 +5,10 @@ from scipy.spatial.transform import Rotation
 
 from slip_core.records import new, record
 from slip_core.vectors import mat, spatial, vec
-from slip_vic.run.in_process import ClosedLoop
-from slip_vic.scenarios.scenario import load_scenario
-from slip_vic_controller.cycle.commanding import remember_slip
-from slip_vic_controller.cycle.governing import held_by, load_of_motion
-from slip_vic_controller.cycle.sensing import slip_is_likely
+from slip_vic_controller.cycle.governing import held_by
 from slip_vic_controller.governor.guard import guard_factor
 from slip_vic_controller.governor.load import ALONE, Held, Shared, at_contact, load, size, surface
 from slip_vic_controller.law.contact import CONTACT, SLIP
-from slip_vic_controller.state import CONFIG, OUTPUTS
-from test.support.call import call
 
 SEED, CASES = 5, 60
 ROUNDING = 1e-12
@@ -108,82 +102,3 @@ def test_shared_load_bounds_every_pad() -> None:
         assert max(loads) <= bound * (1.0 + ROUNDING)
         tight = max(tight, max(loads) / bound)
     assert tight > 0.9
-
-
-def at_work(scenario, law, drive="torque_joint"):
-    """Return a loop with a camera and joints that measure torque, and the first result of its law."""
-    loop = ClosedLoop(load_scenario(scenario, law=law, sensor="vision_25", drive=drive))
-    result = loop.control(loop.observe())
-    while not result.mode.follows:
-        loop.bridge.advance([result.command])
-        result = loop.control(loop.observe())
-    return loop, result
-
-
-def test_motion_takes_a_share_of_the_friction_that_the_weight_leaves() -> None:
-    """Where vertical_plane begins, upright but for what joints give way: 1.96 N, no torque about the pads' normal."""
-    loop, result = at_work("vertical_plane", "vic")
-    config, state = record(loop.session.controller.config.copy(), CONFIG), loop.controller.state
-    gains = record(result.outputs.copy(), OUTPUTS).gains
-    weight, rho = 0.2 * 9.81, config.governor.radius
-
-    def share(wrench) -> float:
-        return float(call(load_of_motion, config, state, gains, result.arm, np.array(wrench)))
-
-    for F in (2.2, 4.0):
-        config.governor.estimate.configured = F
-        for force, torque in ((weight, 0.0), (0.5 * weight, 0.0), (F, 0.0), (3.0, 0.05), (0.0, -0.01)):
-            expected = (np.hypot(force, torque / rho) - weight) / (F - weight)
-            for direction in ((1.0, 0.0), (0.6, -0.8)):
-                fx, fy = force * np.array(direction)
-                np.testing.assert_allclose(share((fx, fy, 7.0, 0.3, -0.2, torque)), expected, rtol=1e-3, atol=1e-3)
-    config.governor.estimate.configured = 0.99 * weight
-    assert share((5.0, 0.0, 0.0, 0.0, 0.0, 0.0)) == 0.0
-
-
-def test_slip_is_likely_after_another_one_and_under_load_and_below_a_governor_beyond_what_has_been_carried() -> None:
-    for law in ("vic", "governed"):
-        loop, result = at_work("paper_planar", law)
-        config, state = record(loop.session.controller.config.copy(), CONFIG), loop.controller.state
-        outputs, F = record(result.outputs.copy(), OUTPUTS), config.governor.estimate.configured
-        estimate = state.pad.estimate
-        for since_ms, share, asked, alone, governed in (
-            (299, 0.0, 1.0, True, False),  # the memory is 0.3 s
-            (301, 0.84, 1.0, False, False),
-            (301, 0.86, 1.0, True, False),
-            (301, 0.0, 1.05, False, False),
-            (301, 0.0, 1.06, False, True),
-        ):
-            state.observer.since_ns = state.joint.answers.stamp_ns - 1_000_000 * since_ms
-            outputs.samples[0].wrench[:] = share * F, 0.0, 0.0, 0.0, 0.0, 0.0
-            estimate.certified, estimate.asked = 1.0, asked
-            likely = call(slip_is_likely, config, state, result.arm, outputs)
-            assert likely == (governed if law == "governed" else alone), (law, since_ms, share, asked)
-
-
-def test_slip_is_remembered_while_motion_takes_what_friction_carries() -> None:
-    """Gate and slip fade with 0.1 s; elsewhere, and where the law has given up, at once.
-
-    The pad makes up for slip with an eighth of k_s^2, by efforts with a quarter of that. Nothing is remembered below a
-    governor, and by efforts without friction of gears.
-    """
-    dt, v, before = 0.002, np.array([0.004, -0.002, 0.0]), np.array([0.0, 3e-4, 0.0])
-    for law, drive, memory, share_of_k_s in (
-        ("vic", "velocity_500", 0.1, 1 / 8),
-        ("vic", "motor_current", 0.1, 1 / 32),
-        ("vic", "torque_joint", 0.0, 0.0),
-        ("governed", "velocity_500", 0.0, 0.0),
-    ):
-        loop, result = at_work("paper_planar", law, drive)
-        config, state = record(loop.session.controller.config.copy(), CONFIG), loop.controller.state
-        outputs, F = record(result.outputs.copy(), OUTPUTS), config.governor.estimate.configured
-        for share, given_up in ((0.86, 0), (0.84, 0), (0.86, 1)):
-            state.law.gate, state.law.given_up.given_up, state.law.slipped[:] = 0.8, given_up, before
-            outputs.samples[0].wrench[:] = share * F, 0.0, 0.0, 0.0, 0.0, 0.0
-            outputs.samples[0].slip_twist[:3] = v
-            call(remember_slip, config, state, result.arm, outputs, dt)
-            fades = np.exp(-dt / memory) if memory and share > 0.85 and not given_up else 0.0
-            slipped = fades * before + dt * v
-            np.testing.assert_allclose(outputs.least_gate, 0.8 * fades)
-            np.testing.assert_allclose(state.law.slipped, slipped if memory else before)
-            np.testing.assert_allclose(outputs.recovery, share_of_k_s * outputs.gains.gains.k_s**2 * slipped)

@@ -11,7 +11,7 @@ import pytest
 from slip_core.params import build
 from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.law.attitude import LOG, RPY
-from slip_vic_controller.law.impedance import V_s
+from slip_vic_controller.law.paper import V_s
 from slip_vic_controller.params.controller_params import TrajectoryParams
 from slip_vic_controller.path.paths import make_path
 from test.referees.law_referee import S, V_s_dot, exponential, referee_law, slip_acceleration, two

@@ -37,11 +37,6 @@ def gains_now(ramp: np.ndarray, stamp_ns: int) -> Any:
     return record(out, LAW_GAINS)
 
 
-TWO_CONTACTS = {
-    "contacts__position": (0.0, 0.18, 0.0, 0.0, -0.18, 0.0),
-    "contacts__orientation_xyzw": (0.0, 0.0, 0.0, 1.0) * 2,
-    "contacts__slip_axes": (True,) * 12,
-}
 STIFF = {"gains.stiffness": (20.0,) * 6, "gains.damping": (5.0,) * 6}
 
 
@@ -84,13 +79,10 @@ def test_parameters_become_gains() -> None:
         law_gains(object__inertia=(1.0, 1.0, 5.0, 0.0, 0.0, 0.0))
 
 
-def test_the_lyapunov_function_never_grows_on_the_way() -> None:
+@pytest.mark.parametrize("seed", range(3))
+def test_the_lyapunov_function_never_grows_on_a_ramp(seed: int) -> None:
     """V of the module along the exact response of every axis, with the gains that the ramp gives at every step."""
-    for seed in range(4):
-        check_lyapunov(np.random.default_rng(seed))
-
-
-def check_lyapunov(rng: np.random.Generator) -> None:
+    rng = np.random.default_rng(seed)
     start, target = law_gains(**random_gains(rng)), law_gains(**random_gains(rng))
     ramp = make_ramp(start, target, 0, 1e-3)
     ends = [record(one, LAW_GAINS).gains for one in (start, target)]
@@ -112,7 +104,7 @@ def check_lyapunov(rng: np.random.Generator) -> None:
             e = e + dt / inner * e_dot
 
 
-def test_ends_are_exact_and_the_way_is_monotone() -> None:
+def test_ramps_are_monotone_with_exact_ends() -> None:
     start, target = law_gains(), law_gains(**STIFF, object__mass=0.8, gains__spin="bounded")
     ramp = make_ramp(start, target, 5 * MS, 0.2)
     duration = record(ramp, RAMP).duration_ns
@@ -131,14 +123,14 @@ def test_ends_are_exact_and_the_way_is_monotone() -> None:
     assert middle.gains.spin_limit == record(target, LAW_GAINS).gains.spin_limit
 
 
-def test_a_harder_change_takes_longer_and_a_softer_one_only_the_least_time() -> None:
+def test_stiffening_takes_longer_than_softening() -> None:
     soft, hard = law_gains(), law_gains(**STIFF)
     assert ramp_time(soft, hard) > 0.3
     assert ramp_time(hard, soft) == 0.0
     assert record(make_ramp(hard, soft, 0, 0.2), RAMP).duration_ns == 200 * MS
 
 
-def test_a_change_reaches_the_law_without_a_kick() -> None:
+def test_a_ramp_gives_no_kick() -> None:
     """An arm that stands 20 mm off its goal feels the new stiffness as a slow rise of its torque."""
     ramp, case = make_ramp(law_gains(), law_gains(**STIFF), 50 * MS, 0.2), random_case(1, slip=0.0, angle=0.0)
     case.arm.twist[:], case.reference.twist[:], case.reference.acceleration[:] = 0.0, 0.0, 0.0
@@ -152,7 +144,7 @@ def test_a_change_reaches_the_law_without_a_kick() -> None:
     assert np.abs(np.diff(torques, axis=0)).max() < 0.02 * whole
 
 
-def test_an_impedance_that_drives_cannot_follow_becomes_slower_and_keeps_its_damping_ratio() -> None:
+def test_slowing_down_keeps_the_damping_ratio() -> None:
     gains = record(new(LAW_GAINS), LAW_GAINS).gains
     gains.M_D[:], gains.K_D[:] = (1.0, 2.0, 4.0, 0.1, 0.2, 0.4), (400.0, 300.0, 200.0, 10.0, 20.0, 30.0)
     gains.D_D[:] = (40.0, 50.0, 60.0, 2.0, 3.0, 9.0)  # 40, 25, 15, 20, 15, 22.5 1/s
@@ -163,31 +155,8 @@ def test_an_impedance_that_drives_cannot_follow_becomes_slower_and_keeps_its_dam
     assert gains.D_D[[2, 3, 4]].tolist() == before[[2, 3, 4]].tolist()
 
 
-def test_governed_arms_of_efforts_that_share_an_object_are_led_more_stiffly_with_their_damping_ratio() -> None:
-    def gains(**values: Any) -> Any:
-        return record(law_gains(**({"tare__duration_s": 0.3} | values)), LAW_GAINS).gains
-
-    alone = {"governor__mode": "slow_down", "gains__stiffness": (5.0, 20.0, 5.0, 4.5, 450.0, 0.9)}
-    governed = alone | TWO_CONTACTS
-    geared = governed | {"drive__coulomb": (0.5,) * 6 + (1.0,), "joint_names": tuple("abcdefg")}
-    soft = [5.0, 20.0, 5.0, 4.5, 450.0, 0.9]
-    for values, expected in (
-        (governed, [15.0, 20.0, 15.0, 13.5, 450.0, 13.5]),
-        (geared, [10.0, 20.0, 10.0, 9.0, 450.0, 9.0]),
-        (geared | {"governor__mode": "off"}, soft),  # slip has to be followed softly where nothing prevents it
-        (governed | {"tare__duration_s": 0.0}, soft),  # arms that do what they are told
-        (alone, soft),
-    ):
-        found = gains(**values)
-        np.testing.assert_allclose(found.K_D, expected, rtol=1e-15)
-        ratio = np.array([2.5, 2.5, 2.5, 2.2, 2.2, 2.2]) / np.sqrt(soft)
-        np.testing.assert_allclose(found.D_D / np.sqrt(found.K_D), ratio, rtol=1e-14)
-    by_velocity = {"command__interface": "velocity", "drive__bandwidth": 1e3}
-    assert gains(**(governed | by_velocity)).K_D[5] == 0.9
-
-
-def test_the_slip_gain_of_an_arm_that_is_estimated_stands_the_delay_of_a_real_one() -> None:
-    """Efforts act four control periods late, where less is configured; what is configured beyond that counts."""
+def test_the_loop_of_an_estimated_arm_has_a_least_delay() -> None:
+    """Efforts act four control periods late where less is configured; what is configured beyond that counts."""
 
     def k_s(**values: Any) -> float:
         given = {name.replace("__", "."): value for name, value in values.items()}
@@ -196,19 +165,3 @@ def test_the_slip_gain_of_an_arm_that_is_estimated_stands_the_delay_of_a_real_on
     late = {"drive__delay_s": 0.004}
     assert k_s() == k_s(**late) == k_s(**late, gains__authority="printed") < k_s(gains__authority="printed")
     assert k_s(drive__delay_s=0.006) < k_s()
-    assert k_s(governor__mode="slow_down") == k_s(gains__authority="printed")
-
-
-def test_the_slip_activation_is_steeper_where_drives_hold_the_joints_and_no_governor_slows_the_path() -> None:
-    estimated = {"tare__duration_s": 0.3, "slip_estimator": "observer", "gains__alpha": 50.0}
-    drives = {"command__interface": "velocity", "drive__lag_s": 0.02}
-    for values, alpha in (
-        (estimated | drives, 100.0),
-        (estimated | drives | {"gains__alpha": 220.0}, 240.0),
-        (estimated | drives | {"gains__alpha": 300.0}, 300.0),
-        (estimated, 50.0),
-        (estimated | drives | {"slip_estimator": "measured"}, 50.0),
-        (estimated | drives | {"gains__authority": "printed"}, 50.0),
-        (estimated | drives | {"governor__mode": "slow_down"}, 50.0),
-    ):
-        assert record(law_gains(**values), LAW_GAINS).gains.alpha == alpha, values

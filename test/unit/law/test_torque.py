@@ -49,7 +49,21 @@ def test_torque_gives_the_commanded_acceleration() -> None:
         np.testing.assert_allclose(task + null + bias, tau, atol=ROUNDING * np.abs(tau).max())
 
 
-def test_a_posture_pulled_to_by_a_rate_is_approached_at_that_rate_along_the_null_space_of_the_jacobian() -> None:
+@pytest.mark.parametrize("seed", range(3))
+def test_six_joints_give_the_printed_form(seed: int) -> None:
+    """J^+ for J^-1: u = C_x v + g_x - h + B_x a_C with B_x = J^+T B J^+; seven joints leave the null space out."""
+    for joints in (6, 7):
+        case = random_case(seed, joints=joints)
+        case.config.nullspace_stiffness = case.config.nullspace_damping = 0.0
+        found, arm, n = case.evaluate(), case.arm, joints
+        J, inverse = arm.J[:, :n], np.linalg.pinv(arm.J[:, :n])
+        B_x = inverse.T @ arm.M[:n, :n] @ inverse
+        u = inverse.T @ arm.bias[:n] - found.torque.h_ee + B_x @ (found.a_C - arm.jdot_qd)
+        difference = np.abs(J.T @ u - found.torque.tau[:n]).max() / np.abs(found.torque.tau[:n]).max()
+        assert difference < 1e-8 if joints == 6 else difference > 0.01
+
+
+def test_posture_rate_acts_along_the_null_space() -> None:
     """M^-1 N^T tau_0 = -(r/2)^2 Z Z^T (q - q_0) of an arm at rest, Z the null space of J by its SVD."""
     for seed in range(5):
         case, rate = at_state(seed), 10.0
@@ -98,7 +112,7 @@ def test_damping_is_zero_above_and_grows_smoothly_below() -> None:
     assert (np.diff([damping(s) for s in np.linspace(0.05, 0.0, 100)]) >= 0.0).all()
 
 
-def test_singular_posture_gives_bounded_torque_and_says_so() -> None:
+def test_singular_posture_gives_bounded_torque() -> None:
     """A stretched arm cannot move along itself; the torque stays of the order of what was asked for."""
     case = at_state(1, np.zeros(7))
     case.config.sigma_min, case.config.most_damping = 0.04, 0.1

@@ -98,7 +98,7 @@ OWN = {  # layers inside a package: what of the own package a part may import
             "path.path_scaling",
             "law.arm",
             "law.contact",
-            "law.giving_up",
+            "law.extensions",
             "law.law",
             "arm.joint_estimate",
             "arm.plausibility",

@@ -49,10 +49,10 @@ Law = Literal[
 ]  # fmt: skip
 """classical: impedance control without slip; vic: the paper's law; governed: that below the reference governor. Of
 several arms: vic has the wrenches of all in h_o, and internal feedback; leader_follower: classical, the last pad
-follows the first one instead of the path; classical_internal: classical with internal feedback; printed: the paper's
-law, each arm with its own wrench; shared: the wrenches of all, without internal feedback."""
+follows the first one instead of the path; classical_internal: classical with internal feedback; shared: the wrenches of
+all, without internal feedback. printed: the paper's law and nothing else, each arm with its own wrench."""
 LAWS: tuple[Law, ...] = get_args(Law)
-OF_SEVERAL: Final = ("leader_follower", "classical_internal", "printed", "shared")
+OF_SEVERAL: Final = ("leader_follower", "classical_internal", "shared")
 """Laws that only several arms have."""
 CLASSICAL: Final = ("classical", "leader_follower", "classical_internal")
 OWN_WRENCH: Final = ("classical", "leader_follower", "printed")
@@ -70,6 +70,9 @@ NODES: dict[str, tuple[str, type[ParameterModel]]] = {
 BOUNDED: dict[str, Any] = {"gains.spin": "bounded"}
 """Of the controller, in real time. The printed law, which follows the object's spin wherever it goes, loses the object
 with a single control period of delay (docs/sensors.md), and can ask for more than the arm has (docs/safety.md)."""
+
+PRINTED: dict[str, Any] = {"slip_estimator": "measured", "gains.spin": "follow", "gains.authority": "printed"}
+"""Of the controller with the printed law: slip samples as they come, and none of the extensions."""
 
 GOVERNED: dict[str, Any] = {"governor.mode": "slow_down", "gains.spin": "bounded", "gains.give_up": True}
 """Of the controller that is governed: the law below it bounds spin, and gives the compensation up where it fails."""
@@ -331,6 +334,8 @@ def load_scenario(
             apply_sensor(own, load_sensor(sensor, texts.sensors.get(sensor)))
         if drive:
             apply_drive(own, load_drive(drive))
+        if law == "printed":
+            own["controller"] |= PRINTED
     _apply_parameters(values, parameters, keep_sensor=bool(sensor))
     for own in values.values():
         if estimator is not None:
@@ -350,7 +355,7 @@ def law_settings(law: Law, arms: int) -> dict[str, Any]:
     if law not in LAWS:
         raise UnknownName("law", law, LAWS)
     if law in OF_SEVERAL and arms == 1:
-        raise InputError(f"--law {law}", got="a scenario with one arm", expected="classical, vic or governed")
+        raise InputError(f"--law {law}", got="a scenario with one arm", expected="classical, vic, governed, printed")
     settings: dict[str, Any] = {"controller": "classical" if law in CLASSICAL else "vic"}
     if law in WITHOUT_INTERNAL and arms > 1:
         settings["gains.kappa"] = 0.0

@@ -39,8 +39,8 @@ SETTLING_S, RATE = 0.005, 10.0
 """Of what is taken off: time constant with which it follows the estimate, so that noise does not shake the arm [s], and
 fastest change, as a share of the joint's effort limit [1/s]."""
 SETTLES_AFTER: Final = 5.0
-"""Least time constant of what is taken off where arms share an object or efforts are late, over all that is late in the
-loop: each feels through the object what the other takes off, and faster than that they swing against each other."""
+"""Least time constant of the compensated disturbance where arms share an object, over all delays of the loop: each arm
+feels through the object what the other compensates, and faster than that they swing against each other."""
 THROWN_SETTLES_AFTER: Final = 5.0
 """Least time constant of it in FAULT, over the control period: an arm with friction that was thrown swings for ever
 where its disturbance, which turns round with it, is taken off in a period or two."""
@@ -77,14 +77,6 @@ class SteadyState(NamedTuple):
     def change_variance(self) -> float:
         """Variance that the corrections add to the velocity in every period [(rad/s)^2]: (K S K^T)_vv."""
         return float((self.predicted - self.updated)[1, 1])
-
-    @property
-    def correlation(self) -> float:
-        """Sum of the autocorrelation of the velocity's noise: samples for which it stays the same, white noise one."""
-        one = np.eye(len(self.F))
-        A = product(one - product(self.gain, self.H), self.F)
-        total = 2.0 * solve(one - A, self.updated) - self.updated
-        return float(total[1, 1] / self.updated[1, 1])
 
 
 def process(noise: Noise, bandwidth: float, period: float) -> tuple[Array, Array]:
@@ -218,20 +210,6 @@ def tuning_of(params: ControllerParams) -> Tuning:
     return Tuning(noise, 0.0 if params.command.interface == "effort" else params.drive.bandwidth, ticks)
 
 
-def velocity_correlation(params: ControllerParams) -> float:
-    """Return for how many control periods noise of the estimated velocities stays the same; 0 where that is not known.
-
-    The lag of a velocity filter counts as noise, but lasts as long as the acceleration that causes it. Velocities that
-    drives are commanded make up for it; and where the next sample may come later than the observer's window, slip shows
-    in nothing else.
-    """
-    noise, bandwidth, ticks = tuning_of(params)
-    late = params.slip_sensor.latency_s + params.slip_sensor.period_s > params.observer.window_s
-    if params.joint_sensor.velocity_filter_hz > 0.0 and bandwidth == 0.0 and not late:
-        return 0.0
-    return ticks * steady_state(noise, bandwidth, params.control_period_s, ticks).correlation
-
-
 def estimator_config(params: ControllerParams, effort_limit: Array) -> Array:
     """Return the EstimatorConfig buffer; effort_limit (n,) [N m].
 
@@ -270,7 +248,7 @@ def estimator_config(params: ControllerParams, effort_limit: Array) -> Array:
     config.repeated = MOVES if config.on else REPEATED
     config.unmoved = max(UNMOVED, 2.0 * sensor.quantum_position)
     config.compensates, config.settling = int(model.compensate and by_effort), SETTLING_S
-    if params.contacts.count > 1 or params.efforts_are_late:
+    if params.contacts.count > 1:
         late_s = sensor.latency_s + params.drive_lag_s + sensor.filter_s
         config.settling = max(SETTLING_S, SETTLES_AFTER * late_s)
     config.settling_fault = max(config.settling, THROWN_SETTLES_AFTER * period)

@@ -138,25 +138,6 @@ def zero_velocity_update(x: Axis, step: float, f: float, dt: float, q_v: float, 
 
 
 @part
-def noisy_zero_velocity_update(
-    x: Axis, step: float, f: float, dt: float, q_v: float, q_b: float, variance: float, ticks: float
-) -> Axis:
-    """Return the estimate after a tick in stick where the velocities of the pad, of which `step` is made, are noisy.
-
-    Slip is zero, so v is what noise and the model's errors add up to: noise of now less that of the first tick. It does
-    not grow, however white the noise is in the change of the velocity.
-
-    Args:
-        x, step, f, dt, q_v, q_b: as in `predict`.
-        variance: of the noise.
-        ticks: for which it stays the same.
-    """
-    if x.P_vv == 0.0:
-        x = Axis(x.v, x.b, x.c, variance, x.P_vb, x.P_vc, x.P_bb, x.P_bc, x.P_cc)
-    return correct(predict(x, step, f, dt, q_v, q_b), 0.0, ticks * variance)
-
-
-@part
 def robust_variance(x: Axis, z: float, R: float, limit: float) -> float:
     """Return the variance to use for a measurement z: more than R where it lies beyond `limit` standard deviations.
 
@@ -172,7 +153,7 @@ def robust_variance(x: Axis, z: float, R: float, limit: float) -> float:
 def contradicts(x: Axis, z: float, R: float, limit: float, band: float) -> bool:
     """Return whether a measurement z, variance R, lies beyond `limit` standard deviations of the estimate.
 
-    band: 0, or where z = 0 only says that the measurement lies within +-`band` [m/s or rad/s].
+    band: 0, or where z = 0 only means that the measurement lies within +-`band` [m/s or rad/s].
     """
     beyond = max(abs(z - x.v) - band, 0.0)
     return beyond * beyond > limit * limit * (x.P_vv + R)

@@ -12,49 +12,30 @@ from slip_core.records import new, record
 from slip_vic_controller.contact.layouts import OBSERVER_CONFIG, ObserverConfig
 from slip_vic_controller.params.controller_params import ControllerParams
 
-LONGEST_WINDOW = 0.5
-"""Share of the memory over which slip may take to show in the model: samples of its beginning must still count."""
 SPARE_ROWS = 64
 """Rows of the history beyond those that are expected: samples that come in a burst."""
 WITNESSES = 3
-"""Samples in a row that a real sensor must show slip in: two outliers in a row happen in every minute."""
+"""Samples in a row in which a real sensor must show slip: two outliers in a row occur every minute."""
 TOGETHER = 1.2
-"""What these samples may move the tested mean together, over what is significant [1]."""
+"""Shift of the tested mean by these samples together, over the significant one [1]."""
 MOST_ROWS = 100_000
 """Rows of a history that still fits into memory and into a cycle many times."""
 
 
 def witnesses(params: ControllerParams) -> int:
-    """Return how many slip samples in a row it takes to be believed: a real sensor has outliers, a flag has none.
+    """Return how many slip samples in a row count as slip: a real sensor has outliers, a flag has none.
 
-    A sensor that is configured as perfect needs no second sample, unless the arm it is on is not: then nothing is.
+    A sensor that is configured as perfect needs no second sample, unless the arm is not: then neither is perfect.
     """
     sensor = params.slip_sensor
     perfect = max(sensor.noise_linear, sensor.noise_angular, sensor.quantum_linear) == 0.0
     return 1 if (perfect and not params.estimates_joints) or params.slip_input == "flag" else WITNESSES
 
 
-def weighed_error(params: ControllerParams) -> float:
-    """Return the expected relative error of the object's linear motion after a tare has weighed it.
-
-    What the tare takes for a bias of the wrench may be mass; what is not weighed is the part of the motion under the
-    pad that comes from turning, (lever^2 m / inertia) of it. Without weight nothing is weighed.
-    """
-    model, expected = params.object, params.observer.model_error
-    weight = model.mass * math.hypot(*params.gravity)
-    if weight == 0.0:
-        return expected
-    turning = math.hypot(*params.contacts.position[:3]) ** 2 * model.mass / float(np.min(model.inertia[:3]))
-    return min(math.hypot(params.tare.force / weight, expected * turning), expected)
-
-
-def observer_config(params: ControllerParams, *, weighed: bool = False, correlation_ticks: float = 0.0) -> Array:
+def observer_config(params: ControllerParams) -> Array:
     """Return the OBSERVER_CONFIG buffer: variances and thresholds that follow from the configured noise levels.
 
     Noise of the wrench enters the slip velocity once per tick, divided by mass or inertia.
-
-    weighed: whether a tare has measured the object's mass; correlation_ticks: for how many control periods noise of the
-    joints' velocities stays the same, 0 where that is not known.
     """
     tuning, sensor, wrench, model = params.observer, params.slip_sensor, params.wrench_sensor, params.object
     T = params.control_period_s
@@ -87,10 +68,7 @@ def observer_config(params: ControllerParams, *, weighed: bool = False, correlat
         "stick_P_bb": (tuning.stick_acceleration_std_m_s2, tuning.stick_acceleration_std_rad_s2),
         "stick_P_vv": (tuning.stick_speed_std_m_s, tuning.stick_speed_std_rad_s),
         "prior_P_bb": (wrench.bias_force / model.mass, bias[1]),
-        "prior_P_cc": (
-            weighed_error(params) if weighed and params.stands_alone else tuning.model_error,
-            tuning.model_error,
-        ),
+        "prior_P_cc": (tuning.model_error, tuning.model_error),
     }
 
     # scipy.stats has the same under a clearer name, and takes half a second to import; this is 4 MiB.
@@ -105,27 +83,14 @@ def observer_config(params: ControllerParams, *, weighed: bool = False, correlat
     config.onset_gain[:3], config.onset_gain[3:] = lever * onset, onset
     config.dead_band[:3], config.dead_band[3:] = sensor.dead_band_linear, sensor.dead_band_angular
     count = max(int(np.sum(config.axes)), 1)
-    config.correlation_ticks = correlation_ticks if params.stands_alone else 0.0
     config.nis_slip = float(chdtri(count, tuning.false_alarm_rate))
-    # Where real joints make evidence scarce the cycle says when slip is likely.
-    expects = params.stands_alone or (params.estimates_joints and params.governor.mode != "off")
-    likely = math.sqrt(tuning.false_alarm_rate) if expects else tuning.false_alarm_rate
-    config.nis_likely = float(chdtri(count, likely))
     config.nis_stick = float(chdtri(count, 1.0 - tuning.stick_share))
     needed = witnesses(params)
     config.most_step = TOGETHER / needed if needed > 1 else math.inf
     config.smoothing, config.outlier_deviations = tuning.smoothing, tuning.outlier
     config.friction_spread, config.friction_memory_ticks = tuning.drag_spread, tuning.drag_memory_s / T
-    # Without a governor the path goes on: slip is over once a sample of that time has come.
-    dwell_s = max(tuning.dwell_s, sensor.latency_s) if params.stands_alone else tuning.dwell_s
-    config.dwell_ticks = max(1, round(dwell_s / T))
-    config.dates_samples = int(params.stands_alone)
-    # Without a governor the ticks since a late sample was measured are kept: the slip is that of its stamp.
-    late_s = min(sensor.latency_s, tuning.memory_s) if params.stands_alone else 0.0
-    window_s = max(tuning.window_s, late_s)
-    config.window_ticks = config.longest_window_ticks = max(1, round(window_s / T))
-    if config.correlation_ticks > 0.0:
-        config.longest_window_ticks = max(config.window_ticks, round(LONGEST_WINDOW * tuning.memory_s / T))
+    config.dwell_ticks = max(1, round(tuning.dwell_s / T))
+    config.window_ticks = max(1, round(tuning.window_s / T))
     config.memory_ns = round(tuning.memory_s * 1e9)
     buffer.setflags(write=False)
     return buffer

@@ -25,7 +25,6 @@ class ObserverConfig(Record):
     measurement_variance: Axes  # R of a slip sample
     process_variance: Axes  # Q of v per tick, from wrench noise and model
     drift_variance: Axes  # Q of b per tick
-    correlation_ticks: Real  # for which noise of the pad's velocity lasts in stick; 0 = its change counts as white
     prior_P_bb: Axes  # noqa: N815 - what is known of the model's errors at the beginning
     prior_P_cc: Axes  # noqa: N815
     onset_gain: Axes  # 1, 1/m; standard deviation that b gains when slip begins, per acceleration of the object
@@ -34,17 +33,14 @@ class ObserverConfig(Record):
     stick_P_vv: Axes  # noqa: N815
     dead_band: Axes  # speed below which the sensor reads zero
     nis_slip: Real  # normalised innovation squared above which slip begins
-    nis_likely: Real  # the same of the model where slip is likely
     nis_stick: Real  # and below which it is over
     smoothing: Real  # weight of a new sample in the mean that is tested in stick
-    dates_samples: Whole  # whether a slip that samples show begins at their stamp
     most_step: Real  # how far one sample may move that mean, over what is significant
     outlier_deviations: Real  # beyond which a sample pulls no harder
     friction_spread: Real  # rad; how far friction may point away from the slip, 0 = its direction is not used
     friction_memory_ticks: Real  # over which that error stays the same
     dwell_ticks: Whole  # below nis_stick until slip is over
     window_ticks: Whole  # over which slip must show in the model
-    longest_window_ticks: Whole  # the same where the pad's velocity is noisy
     memory_ns: Whole  # how late a sample may be
 
 
@@ -62,7 +58,6 @@ class Motion(Record):
     w_o: Vec3  # rad/s; turning of the object
     velocity_variance: Vec6  # {ee}; of v_ee, zeros without an estimate of the joint state
     change_variance: Vec6  # {ee}; of the noise in the change of v_ee since the tick before
-    likely: Whole  # whether slip is: the object has just slipped, or its load is one that friction may not carry
 
 
 MOTION = dtype_of(Motion)

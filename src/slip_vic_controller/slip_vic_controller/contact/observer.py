@@ -72,7 +72,7 @@ def observe(
     if state.sliding:
         observe_slip(config, state, history, rows, samples, count)
     else:
-        observe_stick(config, state, rows, samples, count, motion.likely != 0)
+        observe_stick(config, state, rows, samples, count)
     publish(config, state, motion)
     return is_small(state)
 

@@ -27,7 +27,7 @@ from slip_vic_controller.contact.layouts import AXES, SAMPLE_ROW, TICK_ROW, Obse
 from slip_vic_controller.law.contact import StampedSlip
 
 LEAST_SHARE = 1e-3
-"""Share of an axis across the friction force below which its direction says nothing of it."""
+"""Share of an axis across the friction force below which the direction does not constrain it."""
 LASTING = 3
 """Samples in a row that contradict the estimate: then it is the model that is wrong, and no outliers."""
 
@@ -42,12 +42,6 @@ def component(s: Spatial, i: int) -> float:
 def slip_velocity(axes: Records[AxisRecord]) -> Spatial:
     """Return the estimated slip velocity; [m/s, rad/s] {ee}."""
     return Spatial(Vec(axes[0].v, axes[1].v, axes[2].v), Vec(axes[3].v, axes[4].v, axes[5].v))
-
-
-@part
-def without_slip(x: Axis, variance: float) -> Axis:
-    """Return what is known of the model's errors, with a slip velocity of zero of some variance."""
-    return Axis(0.0, x.b, x.c, variance, 0.0, 0.0, x.P_bb, x.P_bc, x.P_cc)
 
 
 @part
@@ -103,7 +97,7 @@ def reads_within(config: ObserverConfig, sample: StampedSlip, i: int) -> float:
 
 @part
 def correct_sample(config: ObserverConfig, ahead: Records[AxisRecord], row: Row) -> None:
-    """Take the sample of a row in; a half of it that reads zero only says that it is within the dead band."""
+    """Correct with the sample of a row; a part that reads zero is only known to lie within the dead band."""
     row.contradicts = 0
     for i in range(AXES):
         if config.axes[i]:
@@ -144,10 +138,10 @@ def normalised_innovation_squared(config: ObserverConfig, state: Observer) -> fl
 
 @part
 def is_confirmed(config: ObserverConfig, state: Observer, row: Row) -> bool:
-    """Return whether the estimate is known well enough to be believed when it says rest.
+    """Return whether the estimate is certain enough for a slip velocity near zero to mean stick.
 
-    Doubt is not rest: control holds the estimate near zero, so only a model that has been confirmed can tell. Nor is an
-    insignificant speed a small one where the doubt about it is large.
+    Control holds the estimate near zero, so only a confirmed model can show stick, and an insignificant speed is not a
+    small one while its variance is large.
     """
     confirmed = True
     for i in range(AXES):
@@ -176,7 +170,7 @@ def begin_stick(config: ObserverConfig, state: Observer) -> None:
         if config.axes[i]:
             state.sample_mean[i] = 0.0
             x = correct(read_axis(state.axes[i]), 0.0, config.floor_variance[i])
-            put_axis(state.axes[i], without_slip(x, 0.0))
+            put_axis(state.axes[i], Axis(0.0, x.b, x.c, 0.0, 0.0, 0.0, x.P_bb, x.P_bc, x.P_cc))
 
 
 @part
@@ -217,7 +211,7 @@ def contradicted_since(state: Observer, rows: Records[Row]) -> int:
 
 
 @part
-def say_rest(config: ObserverConfig, state: Observer, rows: Records[Row], first: int) -> bool:
+def samples_show_rest(config: ObserverConfig, state: Observer, rows: Records[Row], first: int) -> bool:
     """Return whether the mean of the samples from row `first` on is insignificant against v = 0."""
     total = 0.0
     for i in range(AXES):
@@ -232,7 +226,7 @@ def say_rest(config: ObserverConfig, state: Observer, rows: Records[Row], first:
 
 
 @part
-def believe_samples(config: ObserverConfig, state: Observer, rows: Records[Row], first: int) -> None:
+def restart_from_samples(config: ObserverConfig, state: Observer, rows: Records[Row], first: int) -> None:
     """Begin again at the sample of row `first`: the model's errors are as unknown as in the beginning.
 
     A filter that is sure of a wrong model takes every sample for an outlier, and so would never come back.
@@ -250,7 +244,7 @@ def believe_samples(config: ObserverConfig, state: Observer, rows: Records[Row],
 
 
 @part
-def rest_of_samples(config: ObserverConfig, state: Observer) -> None:
+def begin_stick_from_samples(config: ObserverConfig, state: Observer) -> None:
     """End a slip that the samples never saw, the model's errors as unknown as in the beginning."""
     begin_stick(config, state)
     for i in range(AXES):
@@ -269,11 +263,11 @@ def observe_slip(
     first = place_samples(config, state, history, rows, samples, count)
     rerun(config, state, rows, row_at(state, rows, first - 1).axes, first)
     since = contradicted_since(state, rows) if count > 0 else -1
-    if since >= 0 and say_rest(config, state, rows, since):
-        rest_of_samples(config, state)
+    if since >= 0 and samples_show_rest(config, state, rows, since):
+        begin_stick_from_samples(config, state)
         return
     if since >= 0:
-        believe_samples(config, state, rows, since)
+        restart_from_samples(config, state, rows, since)
     state.significance = normalised_innovation_squared(config, state)
     newest = row_at(state, rows, newest_tick(state, rows))
     at_rest = is_confirmed(config, state, newest) and state.significance < config.nis_stick

@@ -6,7 +6,7 @@ from slip_core.compiled import part
 from slip_core.records import Records
 from slip_vic_controller.arm.plausibility import unseen_ns
 from slip_vic_controller.cycle.governing import screen
-from slip_vic_controller.cycle.holding import bridges
+from slip_vic_controller.cycle.holding import bridges_gap
 from slip_vic_controller.governor.plan import Governing
 from slip_vic_controller.path.path_scaling import advance, lost_ns
 from slip_vic_controller.path.paths import relative
@@ -76,7 +76,7 @@ def agree(
 def _works(config: ControllerConfig, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs) -> bool:
     """Return whether the law works in this cycle, or its last effort is repeated."""
     step = outputs.decision.step
-    if step == Step.BRIDGE and not bridges(config, state, inputs.now_ns):
+    if step == Step.BRIDGE and not bridges_gap(config, state, inputs.now_ns):
         return False
     return step != Step.NONE and follows(state.mode.mode)
 
@@ -96,7 +96,7 @@ def hold_with_the_others(config: ControllerConfig, state: ArmState, inputs: Cycl
 
 
 @part
-def at_work(state: ArmState, outputs: CycleOutputs) -> bool:
+def evaluates_law(state: ArmState, outputs: CycleOutputs) -> bool:
     """Return whether the law is to be evaluated in this cycle."""
     return bool(outputs.decision.step == Step.ANSWER and follows(state.mode.mode))
 
@@ -110,7 +110,7 @@ def common_path_speed(
     for k in range(len(states)):
         speed = min(speed, states[k].observed.path_speed)
     for k in range(len(states)):
-        if at_work(states[k], outputs[k]) and _stops(configs[k], states[k], outputs[k]):
+        if evaluates_law(states[k], outputs[k]) and _stops(configs[k], states[k], outputs[k]):
             speed = 0.0
     return float(speed)
 
@@ -124,7 +124,7 @@ def _stops(config: ControllerConfig, state: ArmState, outputs: CycleOutputs) -> 
 
 
 @part
-def move_on(config: ControllerConfig, task: TaskState, state: ArmState, path_speed: float) -> None:
+def advance_path(config: ControllerConfig, task: TaskState, state: ArmState, path_speed: float) -> None:
     """Move on along the path, in the time of the first arm's joint states; state: of the first arm."""
     dt_ns = max(state.joint.answers.stamp_ns - state.law.stamp_ns, 0)
     screen(config, task, state, True)
@@ -137,7 +137,7 @@ def move_on(config: ControllerConfig, task: TaskState, state: ArmState, path_spe
 
 
 @part
-def share_speed(states: Records[ArmState], outputs: Records[CycleOutputs]) -> None:
+def share_path_speed(states: Records[ArmState], outputs: Records[CycleOutputs]) -> None:
     """Let all arms count as the one that follows worst, where the law has worked for all."""
     speed, n = states[0].observed.path_speed, len(states)
     for k in range(n):

@@ -11,7 +11,7 @@ from slip_vic_controller.cycle.governing import begin_governing, begin_pad, rest
 from slip_vic_controller.cycle.ledger import put_time
 from slip_vic_controller.governor.grip import start_grip
 from slip_vic_controller.governor.plan import Governing
-from slip_vic_controller.law.giving_up import start_giving_up
+from slip_vic_controller.law.extensions import start_giving_up
 from slip_vic_controller.path.goals import rest_at
 from slip_vic_controller.path.paths import Reference
 from slip_vic_controller.safety.arbitration import clear_since
@@ -62,7 +62,7 @@ def begin_law(
     for j in range(n):
         law.posture[j] = config.cycle.posture[j] if config.cycle.posture_given != 0 else sample.position[j]
         law.position[j], law.gravity[j] = sample.position[j], inputs.arm.gravity[j]
-    law.e_previous[:], law.gate, law.slipped[:] = 0.0, 0.0, 0.0
+    law.e_previous[:] = 0.0
     _without_slip(law)
     law.slip_latency.known, law.slip_latency.latency_ns, law.slip_latency.period_ns = 0, 0.0, 0.0
     law.held = 0

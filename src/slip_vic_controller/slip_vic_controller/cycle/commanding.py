@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from slip_core.compiled import part
-from slip_core.vectors import mat, put, put_spatial, spatial, vec
+from slip_core.vectors import mat, put_spatial, spatial, vec
 from slip_vic_controller.arm.command import Interface
 from slip_vic_controller.cycle.finishing import finish
 from slip_vic_controller.cycle.governing import follow_goal, governed_reference, guard, held
 from slip_vic_controller.cycle.holding import hold_without_law, keep_joints
-from slip_vic_controller.cycle.sensing import motion_is_near_friction, put_twist_now, put_twist_of_joints
+from slip_vic_controller.cycle.sensing import put_twist_now, put_twist_of_joints
 from slip_vic_controller.cycle.wrench import put_own_wrench
 from slip_vic_controller.governor.plan import Governing
-from slip_vic_controller.law.arm import Arm
 from slip_vic_controller.law.contact import integrate_slips, slip_velocity
-from slip_vic_controller.law.giving_up import judge_compensation
-from slip_vic_controller.law.impedance import slip_speed
+from slip_vic_controller.law.extensions import judge_compensation, slip_speed
 from slip_vic_controller.law.law import evaluate, scale_acceleration
 from slip_vic_controller.path.path_scaling import scaled
 from slip_vic_controller.path.paths import carried, put_reference, read_reference, reference_at
@@ -68,7 +64,6 @@ def command(
     integrate_slips(config.law, outputs.samples, law.slips, dt, outputs.slips)
     if config.cycle.slip_ahead_s > 0.0:
         _foresee_slip(config, state, inputs, outputs)
-    remember_slip(config, state, inputs.arm, outputs, dt)
     evaluate(config.law, inputs.arm, sample, law, outputs)
     if config.governor.mode != Governing.OFF and outputs.law.ok != 0:
         factor = guard(config, task, state, inputs.arm, outputs, held(config, state, outputs.gains))
@@ -137,34 +132,9 @@ def _foresee_slip(config: ControllerConfig, state: ArmState, inputs: CycleInputs
 
 
 @part
-def remember_slip(config: ControllerConfig, state: ArmState, arm: Arm, outputs: CycleOutputs, dt: float) -> None:
-    """Let the gate close slowly, and the law make up for what has slipped lately, near friction.
-
-    While motion takes all that friction carries, an estimate that falls to zero does not end the slip: with the gate
-    shut at once the path and the impedance would tear the object loose again. And where the arm does not do exactly
-    what is commanded a slip remains, of that error over k_s. Where friction has more to spare both are forgotten.
-
-    Implements: ours: least_gate = m gate(t - dt), recovery = slip_integral k_s^2 s with s(t) = m s(t - dt) + v_sl dt
-    and m = exp(-dt / memory).
-    """
-    law, cycle = state.law, config.cycle
-    outputs.least_gate, outputs.recovery[:] = 0.0, 0.0
-    if cycle.slip_memory_s == 0.0:
-        return
-    memory = 0.0
-    if law.given_up.given_up == 0 and motion_is_near_friction(config, state, arm, outputs):
-        memory = math.exp(-dt / cycle.slip_memory_s)
-    outputs.least_gate = law.gate * memory
-    slipped = memory * vec(law.slipped) + dt * slip_velocity(config.law.contact[0], outputs.samples[0]).linear
-    put(law.slipped, slipped)
-    k_s = outputs.gains.gains.k_s
-    put(outputs.recovery, (cycle.slip_integral * k_s * k_s) * slipped)
-
-
-@part
 def keep_law(config: ControllerConfig, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs) -> None:
     """Keep what the next evaluation of the law needs of this one."""
-    state.law.e_previous[:], state.law.gate = outputs.law.e[3:], outputs.law.gate
+    state.law.e_previous[:] = outputs.law.e[3:]
     for k in range(config.law.contacts):
         state.law.slips[k] = outputs.slips[k]
     keep_joints(config, state, inputs)

@@ -34,10 +34,17 @@ from slip_core.arrays import Array
 from slip_core.compiled import IN1, INT, OUT1, VOID, kernel
 from slip_core.records import record, records
 from slip_vic_controller.contact.layouts import ROW_SIZE
-from slip_vic_controller.cycle.agreeing import agree, at_work, begin_together, common_path_speed, move_on, share_speed
+from slip_vic_controller.cycle.agreeing import (
+    advance_path,
+    agree,
+    begin_together,
+    common_path_speed,
+    evaluates_law,
+    share_path_speed,
+)
 from slip_vic_controller.cycle.beginning import begin_cycle
 from slip_vic_controller.cycle.commanding import follow
-from slip_vic_controller.cycle.deciding import look
+from slip_vic_controller.cycle.deciding import decide_mode
 from slip_vic_controller.cycle.finishing import finish
 from slip_vic_controller.cycle.governing import agree_on_friction, screen, step_on_path
 from slip_vic_controller.cycle.holding import leave_to_drives, prepare
@@ -77,23 +84,23 @@ def cycle(config_buffer: Array, state_buffer: Array, exchange: Array) -> int:
     together = all_at_rest(configs, states, inputs)
     for k in range(n):
         if inputs[k].present != 0:
-            look(configs[k], task, states[k], inputs[k], outputs[k], k == 0, alone, together)
+            decide_mode(configs[k], task, states[k], inputs[k], outputs[k], k == 0, alone, together)
     agree(configs, task, states, inputs, outputs, alone)
     for k in range(n):
         if inputs[k].present != 0:
             prepare(configs[k], task, states[k], inputs[k], outputs[k], k == 0)
     path_speed = common_path_speed(configs, states, outputs)
-    if at_work(states[0], outputs[0]):
-        move_on(configs[0], task, states[0], path_speed)
+    if evaluates_law(states[0], outputs[0]):
+        advance_path(configs[0], task, states[0], path_speed)
     sense_all(configs, task, states, history, inputs, outputs)
-    if configs[0].governor.mode != Governing.OFF and at_work(states[0], outputs[0]):
+    if configs[0].governor.mode != Governing.OFF and evaluates_law(states[0], outputs[0]):
         agree_on_friction(configs[0], task, states)
         step_on_path(configs[0], task, states, inputs[0].arm, outputs[0], path_speed)
     answered, holds = 0, False
     for k in range(n):
-        if at_work(states[k], outputs[k]):
+        if evaluates_law(states[k], outputs[k]):
             follow(configs[k], task, states[k], inputs[k], outputs[k], k == 0)
-    share_speed(states, outputs)
+    share_path_speed(states, outputs)
     for k in range(n):
         if inputs[k].present != 0:
             if outputs[k].decision.never_seen == 0:

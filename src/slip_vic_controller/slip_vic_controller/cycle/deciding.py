@@ -37,7 +37,7 @@ from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs, C
 
 
 @part
-def look(
+def decide_mode(
     config: ControllerConfig,
     task: TaskState,
     state: ArmState,
@@ -47,7 +47,7 @@ def look(
     alone: bool,
     together: AtRest,
 ) -> None:
-    """Look at the inputs of an arm and decide; the mode is that of this cycle then.
+    """Classify the inputs of an arm and decide the mode of this cycle.
 
     lead: whether it is the first arm; alone: whether another arm is not answered in this cycle; together: see `AtRest`.
     """
@@ -167,7 +167,7 @@ def _decide(
     if inputs.request == Request.RESET_FAULT:
         clear_findings(state.estimate)  # what is still wrong is found again
     measure_latency(state.latency, now_ns, sample.stamp_ns, now_ns - state.now_ns, config.cycle.late_ns)
-    request = _stop_first(config, state, inputs.request, now_ns)
+    request = _rest_before_hold(config, state, inputs.request, now_ns)
     reweighed = config.tare.duration_ns > 0 and not bad and tare(config, state, inputs, together)
     decision.reweighed = 1 if reweighed else 0
     freezes = frozen(config.joint, state.joint, now_ns)
@@ -185,7 +185,7 @@ def _decide(
 
 
 @part
-def _stop_first(config: ControllerConfig, state: ArmState, request: int, now_ns: int) -> int:
+def _rest_before_hold(config: ControllerConfig, state: ArmState, request: int, now_ns: int) -> int:
     """Let a user's HOLD begin when the path has come to rest: a sudden stop throws a weakly gripped object."""
     stays = request == Request.ENABLE or request == Request.RESET_FAULT or request == Request.FAILED
     if stays or not follows(state.mode.mode):

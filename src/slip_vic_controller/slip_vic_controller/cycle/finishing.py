@@ -37,7 +37,7 @@ def finish(
     outputs: CycleOutputs,
     q: Array,
     qd: Array,
-    felt: Array,
+    measured: Array,
     law_at_work: bool,
 ) -> None:
     """Add limit avoidance, pass the effort limiter, and write the outcome.
@@ -45,7 +45,7 @@ def finish(
     Args:
         config, state, inputs, outputs: of the arm; `outputs.wanted` is what goes in.
         q, qd: joint state [rad], [rad/s].
-        felt: measured joint efforts, where a pause makes the limiter restart [N m].
+        measured: measured joint efforts, where a pause makes the limiter restart [N m].
         law_at_work: whether the effort is the law's; then the pad's speed is limited too.
     """
     n, now_ns, by_effort = config.law.joints, inputs.now_ns, config.command.interface == Interface.EFFORT
@@ -54,7 +54,7 @@ def finish(
         # Loops of the drives overcome friction, which the model does not have: there it begins with gravity.
         feel, friction = np.zeros(MAX_JOINTS), config.estimator.friction
         if by_effort:
-            feel[:n] = felt[:n]
+            feel[:n] = measured[:n]
         start_limiter(config.motion.drive, state.limiter, n, feel, state.law.gravity, qd, friction, now_ns)
         known = state.motion.started == 0 or inputs.arm.M[0, 0] > 0.0  # else nothing tells where the drives are by now
         if known and not by_effort:

@@ -89,17 +89,6 @@ def load_at_rest(config: ControllerConfig, state: ArmState, gains: LawGains, arm
 
 
 @part
-def load_of_motion(config: ControllerConfig, state: ArmState, gains: LawGains, arm: Arm, wrench: Spatial) -> float:
-    """Return what a wrench [N, N m] {ee} takes of the configured friction that the weight leaves; 1 = all of it.
-
-    Zero where friction does not carry the weight, and below zero where the wrench is smaller than the weight.
-    """
-    weights = surface(spatial(config.governor.slip_axes), config.governor.radius)
-    F, at_rest = config.governor.estimate.configured, load_at_rest(config, state, gains, arm)
-    return (size(weights * wrench) - at_rest) / (F - at_rest) if at_rest < F else 0.0
-
-
-@part
 def begin_pad(config: ControllerConfig, state: ArmState, arm: Arm, gains: LawGains) -> None:
     """Initialise a pad: its load is that of the object at rest."""
     grip, weighed = state.grip.actual / config.grip.nominal, state.tare.mass_share != 0.0

@@ -108,7 +108,7 @@ def _bridge(
     n, now_ns = config.law.joints, inputs.now_ns
     # The law has to end where the wrench stays away, whatever the joint states are like.
     ends = follows(state.mode.mode) and stays_away(outputs.health.wrench)
-    if bridges(config, state, now_ns) and not ends:
+    if bridges_gap(config, state, now_ns) and not ends:
         # `finish` takes the disturbance off once more.
         outputs.wanted[:n] = state.limiter.effort[:n] - state.estimate.taken_off[:n]
     else:
@@ -121,17 +121,17 @@ def _bridge(
             return
     # A jump of the positions leaves the efforts believable, unless another publisher sends joint states too: after a
     # pause the limiter starts at what the joints feel. Where nothing tells that, the drives go on as in the pause.
-    rest, felt = np.zeros(MAX_JOINTS), np.zeros(MAX_JOINTS)
+    rest, measured = np.zeros(MAX_JOINTS), np.zeros(MAX_JOINTS)
     if fault == Fault.JUMP and outputs.health.outside != Fault.SECOND_PUBLISHER:
-        felt[:] = state.joint.answers.effort
+        measured[:] = state.joint.answers.effort
     elif needs_restart(config.motion.drive, state.limiter, now_ns):
         leave_to_drives(config, state, inputs)
         return
-    finish(config, state, inputs, outputs, state.law.position, rest, felt, False)
+    finish(config, state, inputs, outputs, state.law.position, rest, measured, False)
 
 
 @part
-def bridges(config: ControllerConfig, state: ArmState, now_ns: int) -> bool:
+def bridges_gap(config: ControllerConfig, state: ArmState, now_ns: int) -> bool:
     """Return whether a gap of good joint states is bridged: shortly, and not after a pause of the controller."""
     ran = now_ns - state.now_ns <= config.arbitration.gap_ns
     return ran and state.limiter.started != 0 and now_ns - state.since.joint_bad_ns <= config.arbitration.bridge_ns

@@ -12,15 +12,13 @@ from slip_vic_controller.arm.command import Interface
 from slip_vic_controller.arm.estimator import pad_variances
 from slip_vic_controller.contact.layouts import Observer
 from slip_vic_controller.contact.observer import observe
-from slip_vic_controller.cycle.agreeing import at_work, hold_with_the_others
+from slip_vic_controller.cycle.agreeing import evaluates_law, hold_with_the_others
 from slip_vic_controller.cycle.gains import adapt_slip_gain, gains_now, limit_internal_gain
-from slip_vic_controller.cycle.governing import load_of_motion, record_pad
+from slip_vic_controller.cycle.governing import record_pad
 from slip_vic_controller.cycle.holding import hold, hold_without_law
 from slip_vic_controller.cycle.wrench import own_wrench
-from slip_vic_controller.governor.friction_estimate import asks_for_more
 from slip_vic_controller.governor.plan import Governing
-from slip_vic_controller.law.arm import Arm
-from slip_vic_controller.law.contact import beyond_dead_band
+from slip_vic_controller.law.extensions import beyond_dead_band
 from slip_vic_controller.law.law import predict_motion
 from slip_vic_controller.law.symbols import SlipEstimate
 from slip_vic_controller.safety.arbitration import Level
@@ -28,10 +26,6 @@ from slip_vic_controller.safety.latency import measure_slip_latency
 from slip_vic_controller.safety.reasons import Cause
 from slip_vic_controller.safety.validation import fine
 from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs, CycleOutputs, TaskState
-
-LIKELY_LOAD = 0.85
-"""Share of the configured friction, as far as the weight leaves it, beyond which slip is likely: the true one may be
-that much lower."""
 
 
 @part
@@ -47,19 +41,19 @@ def sense_all(
     n, failed = len(states), False
     rows = history.shape[0] // n
     for k in range(n):
-        if at_work(states[k], outputs[k]):
+        if evaluates_law(states[k], outputs[k]):
             level, own = outputs[k].decision.level, history[k * rows : (k + 1) * rows]
             unknown = level == Level.OBSERVED or level == Level.SLOWING
             cause = sense(configs[k], task, states[k], own, inputs[k], outputs[k], unknown)
             outputs[k].decision.cause, failed = cause, failed or cause != Cause.NONE
     if failed:
         for k in range(n):
-            if at_work(states[k], outputs[k]):
-                _give_way(configs[k], task, states[k], inputs[k], outputs[k], k == 0)
+            if evaluates_law(states[k], outputs[k]):
+                _hold_unsensed(configs[k], task, states[k], inputs[k], outputs[k], k == 0)
 
 
 @part
-def _give_way(
+def _hold_unsensed(
     config: ControllerConfig, task: TaskState, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, lead: bool
 ) -> None:
     """Hold an arm because it, or another one, could not sense."""
@@ -106,8 +100,6 @@ def sense(
         observer, queue, motion = state.observer, state.queue, outputs.motion
         if not predict_motion(config.law, outputs.gains, inputs.arm, samples, law.slips, observer.twist, motion):
             return Cause.NO_ESTIMATE.value
-        if config.observer.nis_likely < config.observer.nis_slip:  # else it makes no difference
-            motion.likely = 1 if slip_is_likely(config, state, inputs.arm, outputs) else 0
         if config.estimator.on != 0:
             pad_variances(config.estimator, inputs.arm, motion)
             if config.command.interface != Interface.EFFORT:
@@ -131,25 +123,6 @@ def sense(
     if config.governor.mode != Governing.OFF:
         record_pad(config, task, state, outputs, (sample.stamp_ns - law.stamp_ns) * 1e-9)
     return Cause.NONE.value
-
-
-@part
-def slip_is_likely(config: ControllerConfig, state: ArmState, arm: Arm, outputs: CycleOutputs) -> bool:
-    """Return whether the object is likely to slip now, so that the model needs less evidence for it.
-
-    A governed object is while more is asked of friction than it is known to have carried: without a governor the path
-    goes on after a slip, and friction may be LIKELY_LOAD of what is configured.
-    """
-    if config.governor.mode != Governing.OFF:
-        return asks_for_more(config.governor.estimate, state.pad.estimate)
-    since_ns = state.joint.answers.stamp_ns - state.observer.since_ns
-    return since_ns < config.observer.memory_ns or motion_is_near_friction(config, state, arm, outputs)
-
-
-@part
-def motion_is_near_friction(config: ControllerConfig, state: ArmState, arm: Arm, outputs: CycleOutputs) -> bool:
-    """Return whether motion takes more than LIKELY_LOAD of the configured friction that the weight leaves."""
-    return load_of_motion(config, state, outputs.gains, arm, spatial(outputs.samples[0].wrench)) > LIKELY_LOAD
 
 
 @part

@@ -21,7 +21,7 @@ LOG: Final = 0
 RPY: Final = 1
 """Roll, pitch, yaw on the axes of the desired attitude, as in the paper."""
 LOG_BRANCH_LIMIT: Final = 1.5 * math.pi
-"""|e_o| [rad] up to which the logarithm stays on its branch, so that it does not jump to and fro at pi."""
+"""|e_o| [rad] up to which the logarithm stays on its branch, so that it does not chatter at pi."""
 LOG_REPORT: Final = math.pi - 0.2
 """|e_o| [rad] from which the logarithm reports that it is near the half turn where it is not unique."""
 RPY_DAMPED_BELOW: Final = 0.1
@@ -32,7 +32,7 @@ class AttitudeError(NamedTuple):
     """The orientation error and what the law needs of it.
 
     error e_o [rad]; rate edot_o [rad/s]; Theta [rad/s^2] {w}; axes: from those of the error's coordinates to {w};
-    coordinates: LOG or RPY; near_singular: close to where T_e or the logarithm is, a fallback is at work.
+    coordinates: LOG or RPY; near_singular: near a singularity of T_e or the logarithm, where a fallback is active.
     """
 
     error: Vec
@@ -47,7 +47,7 @@ class AttitudeError(NamedTuple):
 def attitude_error(
     coordinates: int, R_ee: Mat, R_d: Mat, w_ee: Vec, w_d: Vec, alpha_d: Vec, previous: Vec
 ) -> AttitudeError:
-    """Return the orientation error, current minus desired, in the coordinates that are asked for.
+    """Return the orientation error, current minus desired, in the requested coordinates.
 
     Args:
         coordinates: LOG or RPY.

@@ -15,7 +15,7 @@ Mode = Literal["auto", "fixed"]
 
 
 class Condition(NamedTuple):
-    """One condition: what is asked, the value and the limit it is compared with, and why.
+    """One condition: its name, the value, the limit it is compared with, and the reason.
 
     margin: how many times better than needed; below 1 the condition does not hold.
     """
@@ -33,7 +33,7 @@ class Condition(NamedTuple):
 
 
 class GainReport(NamedTuple):
-    """Verdict on the gains: k_s as asked, as used and largest accepted [1/s]; lambdas; conditions.
+    """Verdict on the gains: k_s as requested, as used and largest accepted [1/s]; lambdas; conditions.
 
     lambda_1, lambda_2: intervals (open at both ends) from which Propositions 1 and 2 may choose; empty where low >= 1.
     """
@@ -85,9 +85,8 @@ def held_sample_limit(held: int, delay: int) -> float:
 
 INTERNAL_BOUND = 0.38
 """Of kappa k tau^2 / M_D."""
-DRIVE_SHARE, GEARS_SHARE = 0.25, 0.45
-"""Of that bound, where drives have a loop of their own (with their lag in tau two pads swing from 0.65 on) or efforts
-may be late, and where gears are between (arms swing from 0.6 on, and press on each other with less)."""
+DRIVE_SHARE = 0.25
+"""Of that bound, on an arm with estimated joints: with the lag of its drives in tau two pads swing from 0.65 on."""
 
 
 @kernel(REAL(REAL, REAL, REAL))
@@ -133,8 +132,8 @@ def check_gains(
 
     Args:
         damping: diagonal of D_D; (6,) [N s/m, N m s/rad].
-        k_s: as asked [1/s].
-        mode: auto uses the smaller of `k_s` and what is accepted; fixed refuses what is beyond.
+        k_s: requested [1/s].
+        mode: auto uses the smaller of `k_s` and what is accepted; fixed refuses a larger one.
         gain_margin: how far below the stability limit k_s must stay.
         control_period_s, sensor_period_s, latency_s: of the slip loop [s]; with an observer the sensor's are 0.
 

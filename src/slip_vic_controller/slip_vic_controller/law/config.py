@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Annotated
 
 from slip_core.arrays import Array
@@ -22,20 +21,20 @@ class LawConfig(Record):
     feed_forward: Whole  # 0 or 1: whether a_d is used
     nullspace_stiffness: Real  # N m/rad
     nullspace_damping: Real  # N m s/rad
-    nullspace_rate: Real  # 1/s; instead of both, where drives with loops of their own cannot follow them; 0 = it is not
+    nullspace_rate: Real  # 1/s; instead of both behind drives with loops of their own; 0 = without
     sigma_min: Real  # smallest singular value of J below which the torque is damped
     most_damping: Real  # kg^-1/2; the largest damping
-    yields: Real  # m; off the reference, from which a_d and the impedance no longer fade with the slip activation
+    yields: Real  # m; distance from the reference at which the gate is shut; 0 = printed: a_d and Z never fade
     radius: Real  # m; torsional radius of the pads
     effort_limit: Joints  # N m
     contact: Annotated[Records[Contact], MAX_CONTACTS]
 
 
 NULLSPACE_RATE = 10.0
-"""Rate of the null space with drives that take no efforts, or take them late [1/s]."""
+"""Rate of the null space behind drives with loops of their own [1/s]."""
 YIELDS_M = 0.5
-"""Way off the reference within which the impedance of an arm that takes efforts fades [m]: more than an object that
-friction brakes slowly takes the arm along, since the impedance of such a distance tears the pad off."""
+"""Distance from the reference within which the impedance fades [m]: further than an object that friction brakes slowly
+takes the arm along, since the impedance of such a distance tears the pad off."""
 
 LAW_CONFIG = dtype_of(LawConfig)
 
@@ -49,10 +48,10 @@ def make_law_config(params: ControllerParams, effort_limit: Array) -> Array:
     config.attitude = RPY if params.attitude == "rpy" else LOG
     config.feed_forward = params.feed_forward
     config.nullspace_stiffness, config.nullspace_damping = params.nullspace.stiffness, params.nullspace.damping
-    if params.command.interface != "effort" or params.efforts_are_late:
+    if params.command.interface != "effort":
         config.nullspace_rate = min(params.fastest_rate, NULLSPACE_RATE)
     if params.bounded_authority:
-        config.yields = YIELDS_M if params.command.interface == "effort" else math.inf
+        config.yields = YIELDS_M
     config.radius = params.governor.torsional_radius
     config.sigma_min, config.most_damping = params.singularity.sigma_min, params.singularity.damping
     config.effort_limit[: len(effort_limit)] = effort_limit

@@ -124,15 +124,6 @@ def integrate_slips(
 
 
 @part
-def beyond_dead_band(v_s: Spatial, linear: float, angular: float) -> Spatial:
-    """Return a slip velocity [m/s, rad/s] with zero for what lies in the dead band; without a band itself."""
-    return Spatial(
-        v_s.linear if linear == 0.0 or v_s.linear.norm() > linear else ZERO,
-        v_s.angular if angular == 0.0 or v_s.angular.norm() > angular else ZERO,
-    )
-
-
-@part
 def contact_position(config: Grasp, gains: ContactPosition, i: int) -> Vec:
     """Return o_x_p of contact i [m] {o}: that of the own one comes with the payload."""
     return vec(gains.contact_position) if i == 0 else vec(config.contact[i].position)

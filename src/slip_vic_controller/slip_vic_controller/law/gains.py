@@ -20,22 +20,13 @@ from slip_vic_controller.law.bounds import GainReport, check_gains, judge_gains
 from slip_vic_controller.params.controller_params import ControllerParams, GainParams
 
 UNKNOWN_LAG = 0.3
-"""Share of the configured lag of drives that may not be there, and so stays in the slip loop where slip is predicted:
-the object's motion is predicted over the rest, since a pad that is held back too much only slips the other way."""
+"""Uncertain share of the configured lag of drives, which stays in the slip loop where slip is predicted: the object's
+motion is predicted over the rest, since a pad that runs ahead slips the other way."""
 
 
 LEAST_DELAY_S = 0.004
 """Time from an effort to the motion of a real arm, where less is configured [s]: four control periods at 1 kHz, for the
-way to the drives, their own loop, and what the configuration does not know of both."""
-STEEPER, STEEPEST = 2.0, 240.0
-"""The slip activation is this much steeper where drives hold the joints, up to so much [s/m]: delays bound k_s there,
-so that a gate half open leaves more slip, and the arm does not drift on with the object as one by efforts does."""
-
-LEAST, LEAST_GEARED = (15.0, 13.5), (10.0, 9.0)
-"""Least stiffness of governed arms that share an object, take efforts and are not ideal [N/m], [N m/rad], and of those
-with gears. What pulls with the printed 5 N/m 1 cm off the goal is a hundredth of the friction of gears: they were 4 to
-10 mm off for seconds, while what takes friction off grew. With gears and 15 N/m the pane of pane_two_arms_fast slips
-5 mm. One arm is at its goal without, and slips more with it; where no governor prevents slip the law has to be soft."""
+way to the drives, their own loop, and the unconfigured part of both."""
 
 
 class Gains(Record):
@@ -104,27 +95,12 @@ def make_law_gains(params: ControllerParams, k_s: float) -> Array:
     out: LawGains = record(buffer, LAW_GAINS)
     axes = np.array(params.contacts.slip_axes[:6], dtype=float)
     fill_gains(params.gains, axes, k_s, out.gains, classical=params.controller == "classical")
-    if params.stands_alone and params.foresees_slip:
-        out.gains.alpha = max(out.gains.alpha, min(STEEPER * out.gains.alpha, STEEPEST))
-    governed = params.governor.mode != "off" and params.contacts.count > 1
-    if governed and params.estimates_joints and params.command.interface == "effort":
-        stiffen(out.gains, LEAST_GEARED if params.is_geared else LEAST)
     slow_down(out.gains, params.fastest_rate)
     out.object.mass = params.object.mass
     out.object.inertia[:] = inertia_from_six(params.object.inertia, "parameter object.inertia")
     out.object.gravity[:] = vector(params.gravity, 3, "gravity")
     out.contact_position[:] = params.contacts.position[:3]
     return buffer
-
-
-def stiffen(gains: Gains, least: tuple[float, float]) -> None:
-    """Make the impedance as stiff as `least` [N/m], [N m/rad] at least, with damping so that its ratio stays.
-
-    Implements: ours: M s^2 + D s + K in faster motion, axis by axis.
-    """
-    stiffer = np.maximum(1.0, np.repeat(least, 3) / np.array(gains.K_D))
-    gains.K_D[:] *= stiffer
-    gains.D_D[:] *= np.sqrt(stiffer)
 
 
 def slow_down(gains: Gains, fastest: float) -> None:
@@ -165,7 +141,7 @@ def gain_report(params: ControllerParams, *, refuse: bool = True) -> GainReport:
             lambda.
     """
     direct, unknown = params.slip_estimator == "measured", UNKNOWN_LAG if params.foresees_slip else 1.0
-    real = params.stands_alone and params.command.interface == "effort"
+    real = params.estimates_joints and params.bounded_authority
     lag_s = max(unknown * params.drive_lag_s, LEAST_DELAY_S if real else 0.0)
     unsafe = refuse and params.controller != "classical"  # without a slip loop nothing is
     judge = check_gains if unsafe else judge_gains
@@ -190,7 +166,7 @@ def steady(gains: Array) -> Array:
 
 
 def make_ramp(start: Array, target: Array, begin_ns: int, least_s: float) -> Array:
-    """Return the RAMP between two LAW_GAINS, as long as stability asks, and never shorter than `least_s` [s]."""
+    """Return the RAMP between two LAW_GAINS, as long as stability requires, and never shorter than `least_s` [s]."""
     buffer = new(RAMP)
     ramp: Ramp = record(buffer, RAMP)
     ramp.start, ramp.target = record(start, LAW_GAINS), record(target, LAW_GAINS)

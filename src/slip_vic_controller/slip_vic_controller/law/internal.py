@@ -23,7 +23,7 @@ from slip_core.records import Records
 from slip_core.vectors import NOTHING, ZERO, Mat, Spatial, Vec, spatial
 from slip_vic_controller.law.config import LawConfig
 from slip_vic_controller.law.contact import ContactSample, Slip, contact_arm, contact_position, pad_rotation
-from slip_vic_controller.law.gains import LawGains
+from slip_vic_controller.law.gains import Gains, LawGains
 from slip_vic_controller.law.object import ObjectMotion, solve_symmetric
 
 
@@ -105,3 +105,15 @@ def internal_wrench(
     if config.contacts < 2:
         return NOTHING
     return spatial(samples[0].wrench) - share_of(sharing(config, gains, slips), config.radius, o.h_o)
+
+
+@part
+def give_way(gains: Gains, h_int: Spatial) -> Spatial:
+    """Return the acceleration by which the pad gives way to its internal wrench h_int [N, N m] {w}; [m/s^2, rad/s^2].
+
+    Reason: arms whose bases or references differ press on each other through the object; the torque of Eq. (21) cancels
+    h_ee, so without this nothing gives way.
+
+    Implements: ours: kappa M_D^-1 h_int.
+    """
+    return gains.kappa * h_int / spatial(gains.M_D)

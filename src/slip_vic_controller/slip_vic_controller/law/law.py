@@ -8,9 +8,8 @@ A cycle calls, in this order (all arguments are records, `samples` and `slips` a
     evaluate(config, arm, sample, memory, given)
 
 with `given` a record that holds `gains`, `samples`, `slips` of this cycle, `reference`, `follow_error` (6,) {ee}, which
-an observer adds to G^T a_o (zeros without), `least_gate`, below which the slip activation does not fall, and
-`recovery`, an acceleration against the slip that has been (both zero as printed), and `law`, the Evaluation to fill;
-`samples[0].slip_twist` is the slip velocity that the law shall use, measured or estimated. Nothing here knows of
+an observer adds to G^T a_o (zeros without), and `law`, the Evaluation to fill;
+`samples[0].slip_twist` is the slip velocity that the law uses, measured or estimated. Nothing here knows of
 sensors, time or modes.
 """
 
@@ -24,13 +23,14 @@ from slip_core.compiled import part
 from slip_core.records import Real, Record, Records, Vec3, Vec6, Whole, dtype_of
 from slip_core.vectors import ZERO, Spatial, mat, put, put_mat, put_spatial, spatial, vec
 from slip_vic_controller.law.arm import Arm
-from slip_vic_controller.law.attitude import T_e, attitude_error, on_error_axes
+from slip_vic_controller.law.attitude import attitude_error, on_error_axes
 from slip_vic_controller.law.config import LawConfig
 from slip_vic_controller.law.contact import G_T, ContactSample, Phi2, Slip, slip_velocity
+from slip_vic_controller.law.extensions import authority, fade_with_gate, limit_spin, slip_speed
 from slip_vic_controller.law.gains import LawGains
-from slip_vic_controller.law.impedance import faded, limit_spin, slip_activation
-from slip_vic_controller.law.internal import internal_wrench
+from slip_vic_controller.law.internal import give_way, internal_wrench
 from slip_vic_controller.law.object import object_motion
+from slip_vic_controller.law.paper import compensation, control_acceleration, faded, impedance, slip_activation
 from slip_vic_controller.law.torque import Torque, joint_torque
 from slip_vic_controller.sizes import Joints, WholeJoints
 
@@ -39,7 +39,7 @@ class Evaluation(Record):
     """Every symbol of one evaluation of the law; e, e_dot, K, D are in the coordinates of the orientation error."""
 
     ok: Whole  # every number is finite and every factor exists, else nothing here may be used
-    near_singular_arm: Whole  # which fallback was at work
+    near_singular_arm: Whole  # 1 while a fallback is active
     near_singular_attitude: Whole
     saturated_joints: Whole  # how many
     gate: Real  # slip activation, in [0, 1]
@@ -99,12 +99,10 @@ class Memory(Protocol):
 class Given(Protocol):
     """What an evaluation is made of, and `law`, where it goes; see the module.
 
-    follow_error (6,) [m/s^2, rad/s^2] and recovery (3,) [m/s^2] are on {ee}.
+    follow_error (6,) [m/s^2, rad/s^2] is on {ee}.
     """
 
     follow_error: Array
-    recovery: Array
-    least_gate: float
 
     gains: LawGains
     samples: Records[ContactSample]
@@ -130,16 +128,6 @@ class MotionToPredict(Protocol):
 
 
 @part
-def authority(yields: float, error: float) -> float:
-    """Return the share of the compensation that is left where the pad is `error` off its reference [m]; 0 at `yields`.
-
-    Near the reference it is whole. Implements: ours: 1 - (error / yields)^2.
-    """
-    share = error / yields
-    return max(1.0 - share * share, 0.0)
-
-
-@part
 def control_law(config: LawConfig, arm: Arm, e_previous: Array, given: Given) -> Spatial:
     """Return a_C = a_d + T_e M_D^-1 [-K(v_s) e - D(v_s) edot] + Theta + gate comp; its parts go to `given.law`.
 
@@ -147,12 +135,10 @@ def control_law(config: LawConfig, arm: Arm, e_previous: Array, given: Given) ->
         config: what does not change.
         arm: at this joint state.
         e_previous: orientation error one cycle earlier; (3,) [rad].
-        given: gains, samples, slips, reference, follow_error, recovery, least_gate; and the evaluation.
+        given: gains, samples, slips, reference, follow_error; and the evaluation.
 
-    Ours: with `yields` a_d and the impedance fade on the slip axes as Theta does. What is left of them drives a slip of
-    their size over k_s, which delays bound. Far off the reference they do not fade: an estimate that takes noise for
-    slip would let the arm drift. With several contacts the pad gives way to its internal wrench, which the torque would
-    cancel.
+    Ours: the mask of slip axes, the bound on spin, authority (with `yields`), and of several contacts giving way to the
+    internal wrench, which the torque would cancel.
 
     Implements: Eq. (23), (28), (29), with a_d of Eq. (23) outside of the gate.
     """
@@ -160,7 +146,7 @@ def control_law(config: LawConfig, arm: Arm, e_previous: Array, given: Given) ->
     R_ee, v_ee = mat(arm.rotation), spatial(arm.twist)
     R_d, v_d = mat(reference.rotation), spatial(reference.twist)
     a_d = config.feed_forward * spatial(reference.acceleration)
-    slip_axes, k_s, M_D = spatial(config.contact[0].slip_axes), gains.gains.k_s, spatial(gains.gains.M_D)
+    slip_axes = spatial(config.contact[0].slip_axes)
 
     # the object, on pad axes
     v_s = slip_velocity(config.contact[0], samples[0])
@@ -191,22 +177,21 @@ def control_law(config: LawConfig, arm: Arm, e_previous: Array, given: Given) ->
     left = authority(config.yields, out.error_linear) if config.yields > 0.0 else 1.0
     v = left * v
     K, D = faded(gains.gains.K_D, gains.gains.gamma_k, v), faded(gains.gains.D_D, gains.gains.gamma_d, v)
-    Z = T_e(attitude, -(K * e + D * e_dot) / M_D)
+    Z = impedance(attitude, gains.gains, K, D, e, e_dot)
     put_spatial(out.K, K)
     put_spatial(out.D, D)
     put_spatial(out.Z, Z)
 
     # compensation
-    out.gate = left * max(slip_activation(gains.gains, v_s), given.least_gate)
-    recovery = Spatial(vec(given.recovery), ZERO)
-    comp = slip_axes * (follow - k_s * v_s - recovery - R_ee.T() @ Theta)
+    out.gate = left * slip_activation(gains.gains.alpha, slip_speed(gains.gains, v_s))
+    comp = slip_axes * compensation(follow, gains.gains.k_s, v_s, R_ee.T() @ Theta)
     gated = limit_spin(gains.gains.spin_limit, out.gate * comp)
-    a_C = a_d + Z + Theta + R_ee @ gated
+    a_C = control_acceleration(a_d, Z, Theta, R_ee @ gated)
     if config.yields > 0.0:
-        a_C = a_C - out.gate * (R_ee @ (slip_axes * (R_ee.T() @ (a_d + Z))))
+        a_C = a_C - fade_with_gate(R_ee, slip_axes, out.gate, a_d + Z)
     h_int = internal_wrench(config, gains, samples, slips, o)
     if gains.gains.kappa != 0.0:
-        a_C = a_C + gains.gains.kappa * (R_ee @ h_int) / M_D
+        a_C = a_C + give_way(gains.gains, R_ee @ h_int)
     put_spatial(out.comp, comp)
     put_spatial(out.gated, gated)
     put_spatial(out.h_int, h_int)

@@ -12,12 +12,11 @@ from slip_core.compiled import part
 from slip_core.records import Real, Record, Records, Vec6, WholeArray, dtype_of, record
 from slip_core.vectors import ZERO, Mat, Spatial, Vec, mat, put_spatial, spatial, vec
 from slip_vic_controller.law.arm import Arm
-from slip_vic_controller.law.attitude import T_e_inverse
 from slip_vic_controller.law.config import LawConfig
 from slip_vic_controller.law.contact import G_T_inverse, Phi2, Slip
 from slip_vic_controller.law.gains import LawGains
-from slip_vic_controller.law.impedance import V_e, V_s
 from slip_vic_controller.law.law import DesiredMotion, Evaluation
+from slip_vic_controller.law.paper import Lambda, V_e, V_s
 from slip_vic_controller.law.rotation import logarithm
 from slip_vic_controller.law.torque import null_torque, smallest_singular_value, task_torque
 from slip_vic_controller.sizes import Joints
@@ -119,7 +118,7 @@ def symbols(
     """
     n, v = config.joints, evaluation
     R_ee, R_d, v_ee = mat(arm.rotation), mat(reference.rotation), spatial(arm.twist)
-    v_s, comp, gated, M_D = spatial(v.v_s), spatial(v.comp), spatial(v.gated), spatial(gains.gains.M_D)
+    v_s, comp, gated = spatial(v.v_s), spatial(v.comp), spatial(v.gated)
     w_o, r = vec(v.w_o), vec(v.r)
 
     out.safe, out.near_singular_arm, out.near_singular_attitude = 0.0, v.near_singular_arm, v.near_singular_attitude
@@ -131,7 +130,7 @@ def symbols(
     put_pose(out.s, vec(slips[0].position), mat(slips[0].rotation))
     put_spatial(out.v_s, R_ee @ v_s)
     put_spatial(out.comp, R_ee @ comp)
-    put_spatial(out.Lambda, M_D * T_e_inverse(config.attitude, vec(v.e[3:]), R_d, R_ee @ gated))
+    put_spatial(out.Lambda, Lambda(config.attitude, vec(v.e[3:]), R_d, gains.gains, R_ee @ gated))
     put_spatial(out.h_o, R_ee @ spatial(v.h_o))
     put_spatial(out.v_o, R_ee @ G_T_inverse(r, R_ee.T() @ v_ee - v_s))
     put_spatial(out.a_o, R_ee @ spatial(v.a_o))

@@ -18,10 +18,11 @@ from slip_core.vectors import Spatial, mat, put_spatial, spatial
 from slip_vic_controller.law.arm import Arm
 from slip_vic_controller.law.config import LawConfig
 from slip_vic_controller.law.contact import ContactSample
+from slip_vic_controller.law.paper import control_torque
 from slip_vic_controller.sizes import Joints
 
 LEAST_SQUARE: Final = 1e-8
-"""Added to the squares of the singular values of J, where the part of a way along its null space is looked for."""
+"""Added to the squared singular values of J in the projection on its null space."""
 
 
 class Torque(Record):
@@ -30,7 +31,7 @@ class Torque(Record):
     h_ee: Vec6  # N, N m {w}
     tau_0: Joints  # N m; posture torque
     task: Vec6  # N, N m {w}; B_x (a_C - Jdot qd)
-    null: Vec6  # N, N m {w}; what the task would feel of tau_0
+    null: Vec6  # N, N m {w}; force of tau_0 on the task
     tau: Joints  # N m; the whole
 
 
@@ -88,11 +89,11 @@ def joint_torque(
         out.null[i] = total
     solve_factored(C, out.null)  # B_x J B^-1 tau_0
     solve_factored(C, out.task)  # B_x (a_C - Jdot qd)
+    force = np.empty(6)
+    for i in range(6):
+        force[i] = out.task[i] - out.h_ee[i] - out.null[i]
     for j in range(n):
-        total = 0.0
-        for i in range(6):
-            total += J[i, j] * (out.task[i] - out.h_ee[i] - out.null[i])
-        out.tau[j] = total + arm.bias[j] + out.tau_0[j]
+        out.tau[j] = control_torque(arm, force, j) + out.tau_0[j]
     return True, damping_squared
 
 

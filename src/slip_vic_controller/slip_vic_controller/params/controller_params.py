@@ -21,12 +21,8 @@ from slip_vic_controller.params.slip_params import MeasuredParams, ObserverParam
 FOLLOWED = 2.5
 """Phase [rad] that the drives' lag may cost at the crossover of the impedance: the estimate takes it out as far as the
 lag is known, and a third of it leaves 40 degrees."""
-LATE_S = 0.005
-"""Lag of drives that take efforts from which all that answers the arm's motion is made slower for it [s]."""
-FOLLOWED_LATE = 0.8
-"""The same phase [rad] with drives that take efforts so late: nothing foresees where their commands lead."""
-GEARED_N_M = 1.0
-"""Friction of a joint from which an arm that takes efforts has gears [N m]; without them it swings with the object."""
+FOLLOWED_BY_EFFORT = 0.8
+"""The same phase [rad] with effort commands: no drive loop closes on a predicted velocity."""
 
 
 class GainParams(ParameterModel):
@@ -34,8 +30,7 @@ class GainParams(ParameterModel):
 
     stiffness: Six = parameter(
         (5.0, 5.0, 5.0, 4.5, 4.5, 4.5),
-        "K_D, x y z then about x y z; governed arms that share an object, take efforts and are not ideal have at least "
-        "15 and 13.5, with gears 10 and 9",
+        "K_D, x y z then about x y z",
         unit="N/m, N m/rad", runtime=True,
     )  # fmt: skip
     damping: Six = parameter(
@@ -81,9 +76,8 @@ class GainParams(ParameterModel):
     )
     authority: Literal["bounded", "printed"] = parameter(
         "bounded",
-        "of the compensation where joints are estimated, that is on an arm with noise, and where slip is, beside a "
-        "governor or another arm: bounded fades the impedance as the slip activation opens, and gives the compensation "
-        "up as soon as the object falls; printed does neither",
+        "of the compensation where joint state or slip are estimated: bounded fades the impedance as the slip "
+        "activation opens, and switches the compensation off when the object falls; printed does neither",
     )
     give_up_after_s: float = parameter(
         0.15, "give_up: longest time for which the slip activation may stay open", unit="s", gt=0.0
@@ -303,30 +297,13 @@ class ControllerParams(ArmParams):
     @property
     def estimates_joints(self) -> bool:
         """Whether the joint state is estimated: where it may be noisy, or drives follow commands with a lag."""
-        told = self.joint_sensor.estimates or self.tare.duration_s > 0.0
-        return told or self.command.interface != "effort" or self.efforts_are_late
-
-    @property
-    def efforts_are_late(self) -> bool:
-        """Whether drives that take efforts are so late that the law has to be slower."""
-        return self.command.interface == "effort" and self.drive_lag_s > LATE_S
-
-    @property
-    def is_geared(self) -> bool:
-        """Whether joints take efforts through gears: then their friction holds an arm against what pulls at its pad."""
-        return self.command.interface == "effort" and max(self.drive.coulomb, default=0.0) >= GEARED_N_M
+        return self.joint_sensor.estimates or self.tare.duration_s > 0.0 or self.drive_lag_s > 0.0
 
     @property
     def bounded_authority(self) -> bool:
-        """Whether the compensation's authority is bounded, see `gains.authority`."""
-        alone = self.governor.mode == "off" and self.contacts.count == 1
-        estimates = self.estimates_joints or (self.slip_estimator == "observer" and not alone)
+        """Whether the compensation's authority is bounded: where the law uses estimates, see `gains.authority`."""
+        estimates = self.estimates_joints or self.slip_estimator == "observer"
         return self.gains.authority == "bounded" and estimates
-
-    @property
-    def stands_alone(self) -> bool:
-        """Whether the compensation has bounded authority and no governor: below one slip must show in samples."""
-        return self.bounded_authority and self.governor.mode == "off"
 
     @property
     def foresees_slip(self) -> bool:
@@ -336,7 +313,7 @@ class ControllerParams(ArmParams):
     @property
     def fastest_rate(self) -> float:
         """Largest rate D/M of an impedance that drives of this lag can follow without swinging [1/s]."""
-        followed = FOLLOWED_LATE if self.efforts_are_late else FOLLOWED
+        followed = FOLLOWED_BY_EFFORT if self.command.interface == "effort" else FOLLOWED
         return followed / self.drive_lag_s if self.drive_lag_s > 0.0 else math.inf
 
     @model_validator(mode="after")

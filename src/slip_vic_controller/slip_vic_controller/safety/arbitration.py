@@ -18,7 +18,7 @@ from slip_core.vectors import spatial, vec
 from slip_vic_controller.arm.joint_estimate import EstimatorConfig, Finding, JointEstimate
 from slip_vic_controller.arm.plausibility import unseen_ns
 from slip_vic_controller.arm.tare import Sensor, Tare, TareConfig
-from slip_vic_controller.law.giving_up import CompensationState
+from slip_vic_controller.law.extensions import CompensationState
 from slip_vic_controller.safety.drop_detection import BLIND, DropDetectionConfig, ObservedMotion, doubt_of_fall
 from slip_vic_controller.safety.faults import Fault, Input
 from slip_vic_controller.safety.following import Following, stuck

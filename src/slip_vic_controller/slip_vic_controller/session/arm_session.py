@@ -261,8 +261,8 @@ class ArmSession:
         if measured != self._tared:
             self._tared = measured
             params = with_measured_noise(self.tuned, self.state.tare) if measured else self.tuned
-            limit, weighed = self.controller.robot.effort_limit, bool(self.state.tare.done)
-            self._session.configure(self.index, lambda config: use_noise(config, params, limit, weighed=weighed))
+            limit = self.controller.robot.effort_limit
+            self._session.configure(self.index, lambda config: use_noise(config, params, limit))
             self._estimates = bool(record(self.config, CONFIG).estimator.on)
 
     # -- cycles ------------------------------------------------------------------------------------

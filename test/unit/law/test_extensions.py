@@ -1,0 +1,152 @@
+"""What is added to the printed law: slip speed, bounds on spin and authority, dead band, giving up."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from slip_core.records import new, record
+from slip_vic_controller.law import extensions
+from slip_vic_controller.law.config import YIELDS_M
+from slip_vic_controller.law.extensions import GIVEN_UP, GIVING_UP
+from slip_vic_controller.law.gains import GAINS
+from test.support.call import call, flat
+from test.support.law_cases import random_case
+
+SLIPS, STICKS = np.array([0.005, 0.0, 0.0, 0.0, 0.0, 0.0]), np.zeros(6)
+MS = 1e-3
+
+
+def test_characteristic_length_scales_turning() -> None:
+    buffer, v_s = new(GAINS), np.array([0.003, 0.0, 0.0, 0.0, 0.0, 0.004])
+    for length in (1.0, 0.5):
+        record(buffer, GAINS).characteristic_length = length
+        assert call(extensions.slip_speed, buffer, v_s) == pytest.approx(math.hypot(3e-3, length * 4e-3), rel=1e-12)
+
+
+def test_spin_is_shortened_to_its_limit() -> None:
+    motion = np.array([1.0, -2.0, 3.0, 0.0, 3.0, -4.0])
+    assert (flat(call(extensions.limit_spin, 5.0, motion)) == motion).all()
+    shortened = flat(call(extensions.limit_spin, 0.5, motion))
+    np.testing.assert_allclose(shortened, [1.0, -2.0, 3.0, 0.0, 0.3, -0.4], rtol=1e-12)
+    assert (flat(call(extensions.limit_spin, 0.0, motion))[3:] == 0.0).all()
+
+
+def test_dead_band_treats_both_parts_apart() -> None:
+    v_s = np.array([3e-3, 0.0, -4e-3, 0.0, 0.1, 0.0])
+    for linear, angular, expected in (
+        (0.0, 0.0, v_s),
+        (4.9e-3, 0.2, [*v_s[:3], 0.0, 0.0, 0.0]),
+        (5.1e-3, 0.0, [0.0, 0.0, 0.0, *v_s[3:]]),
+    ):
+        assert (flat(call(extensions.beyond_dead_band, v_s, linear, angular)) == expected).all()
+
+
+def test_authority_ends_far_off_the_reference() -> None:
+    assert call(extensions.authority, YIELDS_M, 0.0) == 1.0
+    assert call(extensions.authority, YIELDS_M, 0.15) > 0.9, "an object that friction brakes takes the arm so far"
+    assert call(extensions.authority, YIELDS_M, YIELDS_M) == call(extensions.authority, YIELDS_M, 1.0) == 0.0
+    assert call(extensions.authority, math.inf, 1.0) == 1.0
+
+
+@pytest.mark.parametrize("far", [0.0, 1.0])
+def test_an_open_gate_replaces_the_impedance(far: float) -> None:
+    """Near the reference a_C is Theta + compensation on the slip axes, far off it is the impedance of full gains."""
+    case = random_case(4, slip=10.0, slip_axes=(1, 1, 1, 0, 0, 0))
+    case.gains.gains.alpha, case.config.yields = 1e3, YIELDS_M
+    case.arm.position[:] = case.reference.position + np.array([far, 0.0, 0.0])
+    found, R = case.evaluate(), np.array(case.arm.rotation)
+    assert found.gate == 1.0 - far
+    expected = found.a_d + found.Z + found.Theta
+    if far == 0.0:
+        expected[:3] = found.Theta[:3] + R @ found.comp[:3]
+    else:
+        assert (found.K == case.gains.gains.K_D).all()
+    np.testing.assert_allclose(found.a_C, expected, rtol=1e-9, atol=1e-9)
+
+
+class Judge:
+    """`judge_compensation` over some cycles; each starts with full gains, as in the control cycle."""
+
+    def __init__(self, on: bool = True, witness: bool = False) -> None:
+        self.config, self.state = new(GIVING_UP), new(GIVEN_UP)
+        config = record(self.config, GIVING_UP)
+        config.on, config.witness, config.error, config.fall = int(on), int(witness), 0.02, 0.1
+        config.longest_s, config.calm_s, config.speed, config.fast_s = 0.15, 0.15, 0.08, 0.01
+
+    def cycles(self, v_s: np.ndarray, seconds: float, error: float = 0.0, fall: float = 0.0, seen: bool = True) -> bool:
+        """Return whether the compensation is given up after so long."""
+        for _ in range(round(seconds / MS)):
+            gains = new(GAINS)
+            g = record(gains, GAINS)
+            g.alpha, g.characteristic_length, g.gamma_k[:], g.gamma_d[:] = 220.0, 0.03, 100.0, 100.0
+            full = gains.copy()
+            call(extensions.judge_compensation, self.config, self.state, gains, v_s, int(seen), error, fall, MS)
+            given_up = bool(record(self.state, GIVEN_UP).given_up)
+            impedance_alone = g.alpha == 0.0 and not g.gamma_k.any() and not g.gamma_d.any()
+            shut = given_up or (bool(record(self.config, GIVING_UP).witness) and not seen)
+            assert impedance_alone if shut else gains.tobytes() == full.tobytes()
+        return given_up
+
+
+def test_short_slips_are_compensated() -> None:
+    judge = Judge()
+    for _ in range(5):
+        assert not judge.cycles(SLIPS, 0.1)
+        assert not judge.cycles(STICKS, 0.1)
+
+
+def test_a_lasting_slip_is_given_up() -> None:
+    judge = Judge()
+    assert not judge.cycles(SLIPS, 0.148)
+    assert judge.cycles(SLIPS, 0.004)
+    assert judge.cycles(SLIPS, 1.0)
+    assert judge.cycles(STICKS, 0.148)
+    assert not judge.cycles(STICKS, 0.004)
+    assert record(judge.state, GIVEN_UP).times == 1
+
+
+def test_a_flickering_gate_counts_as_open() -> None:
+    judge = Judge()
+    given_up = [judge.cycles(STICKS if k % 4 == 0 else SLIPS, MS) for k in range(400)]
+    assert not given_up[200]
+    assert given_up[-1]
+
+
+def test_giving_way_far_ends_it() -> None:
+    judge = Judge()
+    judge.cycles(STICKS, 0.1, error=0.01)  # an error from before does not count
+    assert not judge.cycles(SLIPS, 0.01, error=0.029)
+    assert judge.cycles(SLIPS, 0.001, error=0.031)
+
+
+@pytest.mark.parametrize("turning", [False, True])
+def test_a_fast_slip_ends_it(turning: bool) -> None:
+    fast = np.zeros(6)
+    fast[5 if turning else 0] = 0.1 / (0.03 if turning else 1.0)
+    judge = Judge()
+    assert not judge.cycles(fast, 0.008)
+    assert not judge.cycles(0.7 * fast, 0.02)
+    assert judge.cycles(fast, 0.012)
+
+
+def test_a_fall_with_the_gate_open_ends_it() -> None:
+    judge = Judge()
+    assert not judge.cycles(SLIPS, 0.01, fall=0.09)
+    assert judge.cycles(SLIPS, 0.001, fall=0.11)
+    assert not Judge().cycles(STICKS, 0.01, fall=1.0)
+
+
+def test_below_a_governor_the_sensor_must_agree() -> None:
+    judge = Judge(witness=True)
+    assert not judge.cycles(SLIPS, 0.5, seen=False)
+    assert not judge.cycles(SLIPS, 0.148)
+    assert judge.cycles(SLIPS, 0.004)
+
+
+def test_printed_never_gives_up() -> None:
+    judge = Judge(on=False)
+    assert not judge.cycles(SLIPS, 1.0, error=1.0)
+    assert not judge.state.any()
