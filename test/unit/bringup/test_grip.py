@@ -37,7 +37,7 @@ def run(scenario: str, *assignments: str, seconds: float):
     return slip, result, np.array(grips), np.array(loads)
 
 
-def test_a_path_too_heavy_for_the_grip_is_run_at_full_speed_without_slip() -> None:
+def test_grip_follows_a_heavy_path() -> None:
     """Governed alone it is refused with this margin."""
     slip, result, grips, loads = run("vertical_plane", seconds=0.85)
     governor = result.record.governor
@@ -51,7 +51,7 @@ def test_a_path_too_heavy_for_the_grip_is_run_at_full_speed_without_slip() -> No
     assert result.scalars()["grip_command"] == result.grip
 
 
-def test_the_gripper_has_its_lag_and_its_rate() -> None:
+def test_gripper_has_lag_and_rate() -> None:
     for rate, lag_s in ((1e6, LAG_S), (5.0, 0.0), (20.0, LAG_S), (1e6, 0.0)):
         gripper = Gripper(GripParams(force=1.0, force_rate=rate, lag_s=lag_s), 1e-3)
         gripper.command(3.0)
@@ -67,7 +67,7 @@ def test_the_gripper_has_its_lag_and_its_rate() -> None:
         gripper.command(-1.0)
 
 
-def test_a_grip_that_follows_needs_a_path_that_is_looked_ahead_on() -> None:
+def test_following_grip_needs_a_path() -> None:
     with pytest.raises(InputError, match=r"grip\.control follow needs a path"):
         load_scenario("paper_planar", assignments=("controller.grip.control=follow",))
     with pytest.raises(InputError, match="force_limit"):

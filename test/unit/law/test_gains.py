@@ -12,9 +12,12 @@ import pytest
 from slip_core.errors import InputError
 from slip_core.params import build
 from slip_core.records import new, record
+from slip_vic.scenarios.scenario import load_scenario
+from slip_vic_controller.law.bounds import slip_gain_limit
 from slip_vic_controller.law.gains import (
     LAW_GAINS,
     RAMP,
+    UNKNOWN_LAG,
     gain_report,
     gains_at,
     make_law_gains,
@@ -165,3 +168,10 @@ def test_the_loop_of_an_estimated_arm_has_a_least_delay() -> None:
     late = {"drive__delay_s": 0.004}
     assert k_s() == k_s(**late) == k_s(**late, gains__authority="printed") < k_s(gains__authority="printed")
     assert k_s(drive__delay_s=0.006) < k_s()
+
+
+def test_unknown_lag_bounds_k_s() -> None:
+    params = load_scenario("paper_planar", law="vic", drive="velocity_125", sensor="ideal").controller
+    accepted = gain_report(params).accepted
+    assert accepted == pytest.approx(slip_gain_limit(1e-3, latency_s=UNKNOWN_LAG * params.drive_lag_s) / 2.0)
+    assert gain_report(params.model_copy(update={"slip_estimator": "measured"})).accepted < 0.5 * accepted

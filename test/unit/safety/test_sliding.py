@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
-from itertools import islice
 
 import numpy as np
 import pytest
 
-from slip_vic.run.in_process import run_in_process
 from slip_vic.scenarios.scenario import Law, load_scenario
 from slip_vic_controller.params.safety_params import SafetyParams
 from slip_vic_controller.safety.faults import Fault, Input, describe_fault
-from slip_vic_controller.safety.modes import Mode, Request
+from slip_vic_controller.safety.modes import Request
 from test.campaigns.faults.trial import PERIOD_S, STEADY_NS
 from test.support.delivery import answered_outputs, begun_bridge, realtime
 
 SAFETY = SafetyParams()
 RESUME_TICKS = round(SAFETY.resume_after_s / PERIOD_S)
-ENDED_S = 2.5  # all paths have ended by then
 SLIDES = "the object slides: waiting until it rests"
 
 
@@ -48,7 +45,7 @@ class Loop:
 
 
 @pytest.mark.parametrize(("linear", "angular"), [(1.01, 0.0), (0.0, 1.01)])
-def test_it_begins_when_the_object_has_come_to_rest(linear: float, angular: float) -> None:
+def test_law_waits_for_rest(linear: float, angular: float) -> None:
     fast = linear * SAFETY.resume_slip_linear, angular * SAFETY.resume_slip_angular
     loop = Loop()
     assert loop.run(3 * RESUME_TICKS, *fast) == f"HOLD {SLIDES}"
@@ -66,19 +63,7 @@ def test_it_begins_when_the_object_has_come_to_rest(linear: float, angular: floa
     assert loop.controller.mode.follows
 
 
-def test_an_outlier_does_not_keep_it_from_beginning() -> None:
-    """Found with two arms, each slip sensor of 1 kHz with 2 % outliers: one of both sees one in every 0.1 s."""
-    loop = Loop()
-    loop.controller.set_publishers({"wrench": 2}, 1)
-    loop.run(RESUME_TICKS)
-    loop.controller.set_publishers({}, 1)
-    for tick in range(RESUME_TICKS + 1):
-        said = loop.run(1, 3.0 * SAFETY.resume_slip_linear * (tick % 7 == 3))
-        assert SLIDES not in said
-    assert said.startswith(("ACTIVE", "DEGRADED"))
-
-
-def test_it_does_not_begin_without_a_slip_sensor_either() -> None:
+def test_law_waits_for_a_slip_sensor() -> None:
     """The levels are for a law that is at work."""
     loop = Loop()
     assert loop.run(1) == "ACTIVE"
@@ -92,30 +77,12 @@ def test_it_does_not_begin_without_a_slip_sensor_either() -> None:
     assert loop.run(1, valid=False).startswith(f"DEGRADED {words}")
 
 
-def test_slow_slip_and_the_classical_law_begin_at_once() -> None:
+def test_slow_slip_delays_nothing() -> None:
     assert Loop().run(1, 0.9 * SAFETY.resume_slip_linear, 0.9 * SAFETY.resume_slip_angular) == "ACTIVE"
     assert Loop("classical").run(1, 10 * SAFETY.resume_slip_linear) == "ACTIVE"
 
 
-def slip_with_late_commands(name: str, spin: str, late_ticks: int) -> float:
-    """Run a scenario along its path; return the largest slip [m], infinity where the law gave up."""
-    scenario = load_scenario(name, assignments=(f"controller.gains.spin={spin}",))
-    ticks = round(ENDED_S / scenario.bridge.control_period_s)
-    largest = 0.0
-    for tick in islice(run_in_process(scenario, late_ticks), ticks):
-        largest = max(largest, float(np.abs(tick.outputs.truth.slip_displacement[:3]).max()))
-        if tick.result.mode != Mode.ACTIVE:
-            return np.inf
-    return largest
-
-
-def test_a_bounded_spin_bears_late_commands_and_the_printed_law_does_not() -> None:
-    bounded = [slip_with_late_commands("paper_planar", "bounded", late) for late in (0, 2)]
-    assert bounded[1] < 1.05 * bounded[0]
-    assert slip_with_late_commands("paper_planar", "follow", 1) > 5.0 * bounded[0]
-
-
-def test_real_time_is_bounded_unless_a_user_says_otherwise() -> None:
+def test_realtime_bounds_spin_by_default() -> None:
     assert load_scenario("paper_planar").controller.gains.spin == "follow"
     assert load_scenario("paper_planar", mode="realtime").controller.gains.spin == "bounded"
     printed = load_scenario("paper_planar", mode="realtime", assignments=("controller.gains.spin=follow",))
