@@ -9,8 +9,8 @@ import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from slip_vic.benchmark.compare import HEAD, joined, lines_of, write
-from slip_vic.benchmark.result import Result
+from slip_vic.experiments.compare import HEAD, joined, lines_of, write
+from slip_vic.experiments.suite import LawRows
 
 ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "docs" / "benchmark"
@@ -33,7 +33,7 @@ PAGES = {ROOT / "docs" / "your_law.md": COLUMNS}
 BEGIN, END = "<!-- begin: made by tools/benchmark_tables.py -->", "<!-- end -->"
 
 
-def results() -> list[Result]:
+def results() -> list[LawRows]:
     """Return the results that the repository holds."""
     return joined(sorted(path.parent for path in FOLDER.glob("*/result.json")))
 
@@ -47,7 +47,7 @@ def markdown(lines: Sequence[Sequence[str]], columns: Sequence[str]) -> Iterator
         yield f"| `{cells['law']}` | {' | '.join(cells[name] for name in columns[1:])} |"
 
 
-def page(path: Path, laws: Sequence[Result]) -> str:
+def page(path: Path, laws: Sequence[LawRows]) -> str:
     """Return a page with its table as the results have it."""
     parts = []
     for arms in (1, 2) if "arms" in PAGES[path] else (1,):

@@ -8,7 +8,16 @@ setup(
     name=NAME,
     version="0.1.0",
     packages=find_packages(),
-    package_data={NAME: ["py.typed", "presets/*/*.yaml", "scenarios/*.yaml", "page/static/*"]},
+    package_data={
+        NAME: [
+            "py.typed",
+            "presets/*/*.yaml",
+            "scenarios/*.yaml",
+            "page/static/*",
+            "experiments/*.yaml",
+            "experiments/*.gz",
+        ]
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),

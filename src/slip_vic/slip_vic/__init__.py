@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from slip_core.errors import InputError
     from slip_vic.api import load, read_bag
-    from slip_vic.benchmark.law import Effort, Law, Pad, Seen, Setup, Velocity
+    from slip_vic.experiments.law import Effort, Law, Pad, Seen, Setup, Velocity
     from slip_vic.law import Evaluation, evaluate_law
     from slip_vic.presets import preset_names
     from slip_vic.run.in_process import Tick
@@ -51,7 +51,7 @@ __all__ = [
 _MODULES = {
     "slip_core.errors": ("InputError",),
     "slip_vic.api": ("load", "read_bag"),
-    "slip_vic.benchmark.law": ("Effort", "Law", "Pad", "Seen", "Setup", "Velocity"),
+    "slip_vic.experiments.law": ("Effort", "Law", "Pad", "Seen", "Setup", "Velocity"),
     "slip_vic.law": ("Evaluation", "evaluate_law"),
     "slip_vic.presets": ("preset_names",),
     "slip_vic.run.in_process": ("Tick",),

@@ -18,13 +18,12 @@ from slip_bags.cli import bag, run_command
 from slip_core.errors import InputError
 from slip_msgs_py.stop_flag import ending
 from slip_vic import __version__
-from slip_vic.benchmark.cli import benchmark
+from slip_vic.experiments.cli import benchmark, check, merge, study, tune
 from slip_vic.options import ALLOW_FAULT, DOMAIN_ID, IN_PROCESS, SCENARIOS, Choice, choosing, end_with, out_option
 from slip_vic.page.cli import report, watch
 from slip_vic.replay.cli import verify
 from slip_vic.retime.cli import retime
 from slip_vic.setup.cli import arm, bringup, identify
-from slip_vic.study.cli import check, merge, study, tune
 
 if TYPE_CHECKING:
     from slip_vic.run.judge import Verdict

@@ -17,8 +17,8 @@ import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.errors import InputError
-from slip_vic.benchmark.driven import Driven
-from slip_vic.benchmark.law import Pad, Seen, Setup
+from slip_vic.experiments.driven import Driven
+from slip_vic.experiments.law import Pad, Seen, Setup
 from slip_vic.run.in_process import Tick
 from slip_vic.scenarios.scenario import load_scenario
 

@@ -72,8 +72,15 @@ def names(text: str) -> tuple[str, ...]:
 
 
 def _law(name: str) -> None:
-    if name not in ALL_LAWS:
-        raise UnknownName("law", name, ALL_LAWS)
+    """Check a law; a foreign one, or one with a changed parameter, where that is loaded anyway."""
+    base = name.partition("?")[0]
+    if base in (*ALL_LAWS, "governed_follow"):
+        return
+    if ":" not in base:
+        raise UnknownName("law", name, ALL_LAWS, fix="or give module:Class, or file.py:Class")
+    from slip_vic.experiments.law import find_law
+
+    find_law(name)
 
 
 def _one(find: Callable[[str], object]) -> Callable[[click.Context, click.Parameter, str], str]:
@@ -135,6 +142,9 @@ SENSORS: Final = click.option(
 DRIVE: Final = click.option(
     "--drive", default="", callback=_one(_DRIVE), help="name or .yaml file of the arm's drives"
 )  # fmt: skip
+DRIVES: Final = click.option(
+    "--drive", "drives", default="", callback=_many(_DRIVE), help="names or .yaml files, comma separated"
+)
 ASSIGNMENTS: Final = click.option(
     "--set", "assignments", multiple=True, metavar="KEY=VALUE", help="override a parameter; repeatable"
 )

@@ -11,8 +11,8 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
-from slip_vic.study.engines import Died
-from slip_vic.study.engines.pool import PoolEngine
+from slip_vic.experiments.engines import Died
+from slip_vic.experiments.engines.pool import PoolEngine
 from test.campaigns.faults.plan import Plan, all_faults, make_plan, with_arm_and_task
 
 WRITTEN_EVERY_S = 60.0

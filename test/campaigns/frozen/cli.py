@@ -7,8 +7,8 @@ from pathlib import Path
 
 import click
 
+from slip_vic.experiments.cli import shard
 from slip_vic.options import end_with, names
-from slip_vic.study.cli import shard
 
 
 @click.group()
@@ -27,19 +27,22 @@ def frozen() -> None:
 def run(*, prefix: str, laws: str, jobs: int, shard: tuple[int, int], out: Path) -> None:
     """Run the frozen worlds under laws of the controller."""
     from slip_core.errors import UnknownName
+    from slip_vic.experiments.contents import Contents
     from slip_vic.experiments.rows import Asked, Plan, RowFile
     from slip_vic.experiments.run import OWN_LAWS
     from slip_vic.experiments.runner import fill
     from slip_vic.run.versions import versions
-    from test.campaigns.frozen.worlds import frozen_worlds
+    from slip_vic.scenarios.scenario import NO_TEXTS
+    from test.campaigns.frozen.worlds import worlds_of
 
     for law in names(laws):
         if law not in OWN_LAWS:
             raise UnknownName("law", law, OWN_LAWS)
     first, shards = shard
-    asked = Asked(tuple(frozen_worlds(prefix)[first - 1 :: shards]), names(laws))
-    with RowFile(out, Plan(versions(), (asked,))) as file:
-        there, deaths = fill(file, "frozen", asked.tasks(), versions(), "pool", jobs)
+    asked = Asked(tuple(worlds_of(prefix)[first - 1 :: shards]), names(laws))
+    contents = Contents(NO_TEXTS, versions())
+    with RowFile(out, Plan(contents.made_of, (asked,))) as file:
+        there, deaths = fill(file, "frozen", asked.tasks(), contents, "pool", jobs)
     click.echo(f"{there} of {len(asked.tasks())} runs were there already, {deaths} workers died; {out}")
 
 

@@ -11,11 +11,10 @@ import numpy as np
 from rich.table import Table
 
 from slip_vic.experiments.rows import Row
-from slip_vic.experiments.run import LOST
+from slip_vic.experiments.run import KINDS as ALL_KINDS
+from slip_vic.experiments.run import kind_of
 from slip_vic.experiments.statistics import clopper_pearson, mcnemar
 
-SHORT_M: Final = 0.02
-"""A run that keeps the object and ends farther from its goal is short [m]."""
 GREW_M: Final = 3e-4
 """Slip path by which a run counts as grown [m]."""
 VIC_M: Final = 8e-3
@@ -27,23 +26,8 @@ LATER: Final = 1.05
 """Largest median ratio of arrivals."""
 LEVEL: Final = 0.05
 """Level of McNemar's test."""
-KINDS: Final = ("lost", "short", "held", "refused")
+KINDS: Final = tuple(kind for kind in ALL_KINDS if kind != "kept")
 ONE_ARM: Final = "one_arm"
-
-
-def kind_of(row: Row) -> str:
-    """Return lost, short, held, refused, or kept.
-
-    held: the law never began. A run that was stopped in between and reached its goal all the same is kept.
-    """
-    if row["outcome"] in LOST:
-        return "lost"
-    if row["outcome"] == "refused":
-        return "refused"
-    off_goal = float(row["off_goal_m"])
-    if math.isnan(off_goal):
-        return "held"
-    return "short" if off_goal > SHORT_M else "kept"
 
 
 @dataclass(frozen=True, slots=True)

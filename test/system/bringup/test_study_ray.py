@@ -20,11 +20,9 @@ import psutil
 import pytest
 
 from slip_core.errors import InputError
-from slip_vic.benchmark import result
-from slip_vic.benchmark.suite import worlds
-from slip_vic.study.engines import Died
-from slip_vic.study.engines.cluster import RayEngine
-from slip_vic.study.lottery import Ticket
+from slip_vic.experiments import suite
+from slip_vic.experiments.engines import Died
+from slip_vic.experiments.engines.cluster import RayEngine
 from test.support.ray_cluster import busy_workers, kill_node, ray_cluster
 
 SUPPORT = Path(__file__).parents[2] / "support"
@@ -38,7 +36,7 @@ def tasks() -> Iterator[ModuleType]:
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(SUPPORT)
         patch.setenv("PYTHONPATH", os.pathsep.join(filter(None, sys.path)))
-        yield importlib.import_module("study_tasks")
+        yield importlib.import_module("engine_tasks")
 
 
 @pytest.fixture(scope="module")
@@ -99,8 +97,8 @@ def test_a_task_that_kills_its_workers_is_given_up(cluster: Any, tasks: ModuleTy
 
 CLIENT = """
 import sys
-from slip_vic.study.engines.cluster import RayEngine
-from study_tasks import slow_square
+from slip_vic.experiments.engines.cluster import RayEngine
+from engine_tasks import slow_square
 with RayEngine(1) as engine:
     for number, _ in engine.run(slow_square, sys.argv[1], range(100000)):
         print(number, flush=True)
@@ -144,17 +142,13 @@ def test_rows_of_the_benchmark_are_those_of_the_pool(
     cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The digest of the rows has all of them but the time of a step: three worlds with noisy drives and sensors."""
-    drawn = [world for world in worlds("capped", 1, 6) if world.drive == "drawn"]
-    short = [replace(world, ticket=shortened(world.ticket, 0.1)) for world in drawn]
+    drawn = [world for world in suite.worlds("capped", 1, 6) if world.drive == "drawn"]
+    short = [replace(world, settings=(*world.settings, "bridge.duration_s=0.1")) for world in drawn]
     assert len(short) == 3
-    monkeypatch.setattr(result, "suite", lambda *_, **__: short)
+    monkeypatch.setattr(suite, "suite", lambda *_, **__: short)
     for engine in ("pool", "ray"):
-        result.run_law("vic", 3, tmp_path / engine, engine, 1)
-    pool, ray = (result.read_result(tmp_path / engine) for engine in ("pool", "ray"))
+        suite.run_law("vic", 3, tmp_path / engine, engine, 1)
+    pool, ray = (suite.read_result(tmp_path / engine) for engine in ("pool", "ray"))
     assert len(ray.rows) == 3
     assert all(float(row["effort_rate_rms_n_m_s"]) > 0.0 for row in ray.rows)
     assert ray.digest == pool.digest
-
-
-def shortened(ticket: Ticket, lasts_s: float) -> Ticket:
-    return replace(ticket, world=(*ticket.world, f"bridge.duration_s={lasts_s}"))

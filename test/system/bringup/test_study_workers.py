@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
@@ -18,11 +19,12 @@ import pytest
 from click.testing import CliRunner
 
 from slip_vic.cli import cli
-from slip_vic.study.cases import Case
-from slip_vic.study.contents import gather
-from slip_vic.study.engines import Died
-from slip_vic.study.engines.pool import PoolEngine
-from slip_vic.study.runner import run_cases
+from slip_vic.experiments import runner, suite
+from slip_vic.experiments.contents import Contents
+from slip_vic.experiments.engines import Died
+from slip_vic.experiments.engines.pool import PoolEngine
+from slip_vic.experiments.rows import Asked, Plan, RowFile
+from slip_vic.scenarios.scenario import NO_TEXTS
 
 SHORT = ("bridge.duration_s=0.05",)
 SUPPORT = Path(__file__).parents[2] / "support"
@@ -44,7 +46,7 @@ SIX += ["--seeds", "1"]
 def tasks(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     """A module that new processes can import too: there `test` is Python's own."""
     monkeypatch.syspath_prepend(SUPPORT)
-    return importlib.import_module("study_tasks")
+    return importlib.import_module("engine_tasks")
 
 
 @pytest.fixture
@@ -96,19 +98,26 @@ def test_what_a_task_raises_ends_the_run(pool: PoolEngine, tasks: ModuleType) ->
         list(pool.run(tasks.wrong, "here", range(3)))
 
 
-def test_a_case_that_kills_its_workers_is_a_row(pool: PoolEngine, tasks: ModuleType) -> None:
-    cases = [Case("paper_planar", "vic", "event_1000", "observer", "none", seed) for seed in range(4)]
-    contents = gather(["paper_planar"], ["event_1000"], ())
-    results = {r.case.seed: r for r in run_cases(cases, contents, pool, tasks.deadly_case)}
-    assert sorted(results) == [0, 1, 2, 3]
-    assert results[1].outcome == "crashed"
-    assert all(results[seed].outcome == "ok" for seed in (0, 2, 3))
+@pytest.mark.parametrize("name", ["study", suite.SUITE])
+def test_a_run_that_kills_its_workers_is_a_row(
+    name: str, tasks: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a study and of the benchmark: the engine counts deaths by task, so worlds are hashable."""
+    monkeypatch.setattr(runner, "run_on_worker", tasks.deadly_run)
+    worlds = tuple(replace(world, seed=k, set=name) for k, world in enumerate(suite.worlds("capped", 1, 4)))
+    asked = Asked(worlds, ("vic",))
+    contents = Contents(NO_TEXTS, {})
+    with RowFile(tmp_path / "rows.csv", Plan({}, (asked,))) as file:
+        assert runner.fill(file, name, asked.tasks(), contents, "pool", 2) == (0, 3)
+        found = {row["seed"]: row for row in file.rows()}
+    assert [found[str(seed)]["outcome"] for seed in range(4)] == ["ok", "crashed", "ok", "ok"]
+    assert "its process died 3 times" in found["1"]["reason"]
 
 
 CLIENT = """
 import sys
-from slip_vic.study.engines.pool import PoolEngine
-from study_tasks import slow_square
+from slip_vic.experiments.engines.pool import PoolEngine
+from engine_tasks import slow_square
 if __name__ == "__main__":
     with PoolEngine(2) as engine:
         for number, _ in engine.run(slow_square, sys.argv[1], range(1000)):
@@ -152,15 +161,17 @@ def test_rows_are_the_same_whatever_kills_orders_or_parts_a_study(tmp_path: Path
     study("other", "--jobs", "2", "--shard", "2/2")
     whole = ["merge", str(tmp_path / "one"), str(tmp_path / "other"), "--out", str(tmp_path / "whole")]
     merged = CliRunner().invoke(cli, whole, catch_exceptions=False)
-    assert "6 rows, 0 of 6 cases are missing" in merged.output
+    assert "6 rows, 0 of 6 runs are missing" in merged.output
     assert table_of(tmp_path / "whole") == table_of(tmp_path / "two")
     with (tmp_path / "two/study.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
-    assert {(row["sensor"], row["estimator"]) for row in rows} == {
-        (sensor, estimator) for sensor in ("ideal", "vision_25") for estimator in ("none", "measured", "observer")
+    assert {(row["sensor"], row["law"]) for row in rows} == {
+        (sensor, law)
+        for sensor in ("ideal", "vision_25")
+        for law in ("classical", "vic?slip_estimator=measured", "vic")
     }
     assert (tmp_path / "two/study.png").stat().st_size > 10_000
-    assert "6 of 6 cases were there already" in study("two")
+    assert "6 of 6 runs were there already" in study("two")
 
 
 def test_a_study_whose_client_is_killed_goes_on(tmp_path: Path) -> None:
@@ -176,6 +187,6 @@ def test_a_study_whose_client_is_killed_goes_on(tmp_path: Path) -> None:
     there = len(table_of(killed).splitlines()) - 1
     again = CliRunner().invoke(cli, ["study", "--resume", "--jobs", "2", "--out", str(killed)], catch_exceptions=False)
     assert again.exit_code == 0, again.output
-    assert f"{there} of 6 cases were there already" in again.output
+    assert f"{there} of 6 runs were there already" in again.output
     CliRunner().invoke(cli, ["study", *asked, "--jobs", "2", "--out", str(whole)], catch_exceptions=False)
     assert table_of(killed) == table_of(whole)

@@ -57,7 +57,9 @@ def test_both_pads_end_where_the_path_of_the_object_takes_them(scenario: str) ->
 
 
 def test_both_arms_have_a_slip_observer_of_their_own_contact() -> None:
-    run = load_scenario(UPRIGHT, sensor="vision_60", estimator="observer", assignments=SHORT).run()
+    run = load_scenario(
+        UPRIGHT, sensor="vision_60", estimator="observer", assignments=("bridge.duration_s=0.06",)
+    ).run()
     assert run.outcome == "ok"
     assert {params.slip_estimator for params in run.scenario.controllers.values()} == {"observer"}
     assert run.slip_mm < 1e-6

@@ -10,11 +10,11 @@ from click.testing import CliRunner
 
 from slip_core.incidents import KINDS, Incident
 from slip_vic.cli import cli
+from slip_vic.experiments.run import run
+from slip_vic.experiments.world import World
 from slip_vic.run.in_process import run_in_process
 from slip_vic.run.launcher import RunResult
 from slip_vic.scenarios.scenario import Law, load_scenario
-from slip_vic.study.cases import Case
-from slip_vic.study.run_case import run_case
 from slip_vic_controller.safety.modes import Mode
 from slip_vic_controller.safety.reasons import Cause
 from slip_vic_controller.session.incidents import UNREACHABLE_S, IncidentWatch
@@ -73,11 +73,11 @@ def test_a_path_that_waits_for_the_arm_is_unreachable_only_when_it_waits_long() 
 
 
 def test_a_study_names_the_outcome() -> None:
-    case = Case("vertical_plane", "classical", "ideal", "none", "none", 0)
-    result = run_case(case, ("bridge.grip.force=1.0", "bridge.duration_s=1.0"))
+    slippery = World("vertical_plane", "ideal", settings=("bridge.grip.force=1.0", "bridge.duration_s=1.0"))
+    result = run(slippery, "classical")
     assert result.outcome in ("lost", "fault")
     assert result.reason.startswith(KINDS[result.outcome])
-    well = run_case(Case("glass_transport", "governed", "ideal", "observer", "none", 0), ("bridge.duration_s=1.5",))
+    well = run(World("glass_transport", "ideal", settings=("bridge.duration_s=1.5",)), "governed")
     assert well.outcome == "ok"
     assert well.metrics["slip_linear_peak_m"] < 1e-7
     assert 0.7 < well.metrics["arrival_s"] < 1.0

@@ -6,9 +6,10 @@ from collections.abc import Sequence
 import pytest
 
 from slip_vic.experiments.rows import Row
+from slip_vic.experiments.run import kind_of
 from slip_vic.experiments.world import World, parameter_of, renamed
-from test.campaigns.frozen.compare import compare, kind_of, verdict
-from test.campaigns.frozen.worlds import frozen_worlds
+from test.campaigns.frozen.compare import compare, verdict
+from test.campaigns.frozen.worlds import base_rows, worlds_of
 
 
 def row(number: int, law: str = "governed", outcome: str = "ok", *, off: float = 0.0, slip: float = 0.0,
@@ -23,19 +24,25 @@ def worse(before: Sequence[Row], now: Sequence[Row]) -> list[str]:
 
 
 def test_worlds_are_all_there() -> None:
-    worlds = frozen_worlds()
-    assert [len(frozen_worlds(name)) for name in ("one_arm_20261201", "one_arm_20261202", "one_arm_20261203")] == [
-        300
-    ] * 3
-    assert len(frozen_worlds("two_arms")) == 60
+    worlds = worlds_of()
+    assert [len(worlds_of(name)) for name in ("one_arm_20261201", "one_arm_20261202", "one_arm_20261203")] == [300] * 3
+    assert len(worlds_of("two_arms")) == 60
     assert len(set(worlds)) == len(worlds) == 960
+
+
+@pytest.mark.parametrize("law", ["classical", "vic", "governed", "governed_follow"])
+def test_the_first_set_has_a_row_of_every_world(law: str) -> None:
+    known = {(world.set, str(world.number)) for world in worlds_of()}
+    rows = [row for row in base_rows() if row["law"] == law]
+    assert known.issuperset((row["set"], row["world"]) for row in rows)
+    assert sum(row["set"] == "one_arm_20261201" for row in rows) == 300
 
 
 def test_every_parameter_of_the_worlds_exists() -> None:
     """One that is renamed or removed needs a line in test/frozen/renamed.yaml."""
     seen: set[str] = set()
     loaded = 0
-    for world in frozen_worlds():
+    for world in worlds_of():
         own = {parameter_of(setting) for setting in world.settings} | {world.scenario, world.sensor}
         if own - seen:
             world.load("governed", "observer")

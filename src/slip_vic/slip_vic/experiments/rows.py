@@ -17,11 +17,12 @@ from pathlib import Path
 from typing import IO, Final, NamedTuple, Self
 
 from slip_core.errors import InputError
-from slip_vic.experiments.run import METRICS, Result
+from slip_vic.experiments.run import METRICS, TIMED, Result
 from slip_vic.experiments.world import World
+from slip_vic.run.versions import digest
 
 KEY: Final = (
-    "set", "world", "law", "scenario", "sensor", "drive", "motion", "mismatch", "seed", "arms", "digest",
+    "set", "world", "law", "scenario", "sensor", "drive", "motion", "mismatch", "seed", "arms", "track", "digest",
 )  # fmt: skip
 """Columns that name a run; world: the number in its set; digest: of everything that makes the world."""
 COLUMNS: Final = (*KEY, "outcome", *METRICS, "reason")
@@ -40,7 +41,8 @@ class Task(NamedTuple):
         """The leading cells of its row."""
         world, law = self
         labels = (world.scenario, world.sensor, world.drive, world.motion, world.mismatch)
-        return (world.set, str(world.number), law, *labels, str(world.seed), str(world.arms), world.digest)
+        numbers = (str(world.seed), str(world.arms))
+        return (world.set, str(world.number), law, *labels, *numbers, world.track, world.digest)
 
 
 class Asked(NamedTuple):
@@ -177,6 +179,16 @@ def key_of(row: Row) -> Key:
     return tuple(row[name] for name in KEY)
 
 
+def timeless(row: Row) -> list[str]:
+    """Return the cells of a row that are the same in each run."""
+    return [cell for name, cell in row.items() if name not in TIMED]
+
+
+def digest_of(rows: Iterable[Row]) -> str:
+    """Return the digest of rows, without what differs from run to run."""
+    return digest(json.dumps(timeless(row)).encode() for row in rows)
+
+
 def read_rows(path: Path) -> list[Row]:
     """Return the complete rows of a file, of each run the last; none where there is no file.
 
@@ -219,7 +231,7 @@ def merged(paths: Sequence[Path], out: Path) -> RowFile:
                 there = rows.setdefault(key_of(row), row)
                 if there["outcome"] == "crashed":
                     rows[key_of(row)] = row
-                elif row != there and row["outcome"] != "crashed":
+                elif timeless(row) != timeless(there) and row["outcome"] != "crashed":
                     raise InputError(
                         f"{path}", got=f"another result of {' '.join(key_of(row))}",
                         expected="the same row of a run in all files",

@@ -3,34 +3,41 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Final, NamedTuple
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Final, NamedTuple, cast
 
 import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.errors import SlipVicError
+from slip_vic.experiments.driven import Driven
+from slip_vic.experiments.law import find_law
+from slip_vic.experiments.world import Track as Capped
 from slip_vic.experiments.world import World
 from slip_vic.run.in_process import Tick, run_in_process
 from slip_vic.run.judge import Verdict, judge
 from slip_vic.run.metrics import off_goal_m
-from slip_vic.run.series import RunSeries
 from slip_vic.run.track import Track
-from slip_vic.scenarios.scenario import Estimator, Law, Scenario
+from slip_vic.scenarios.scenario import LAWS, NO_TEXTS, OF_SEVERAL, Estimator, Law, Scenario, Texts
 
 OF_VERDICT: Final = (
     "slip_linear_m", "slip_angular_rad", "slip_linear_peak_m", "slip_speed_peak_m_s", "tracking_rms_m",
     "final_error_m", "final_error_rad", "attitude_excursion_rad", "effort_rate_rms_n_m_s", "arrival_s",
 )  # fmt: skip
+TIMED: Final = ("step_p99_s",)
+"""Metrics that differ from run to run."""
 METRICS: Final = (
-    *OF_VERDICT, "slip_path_m", "slip_path_rad", "off_goal_m", "squeeze_mean_n", "squeeze_peak_n",
+    *OF_VERDICT, "slip_path_m", "slip_path_rad", "off_goal_m", "squeeze_mean_n", "squeeze_peak_n", *TIMED,
 )  # fmt: skip
 """Numbers of a run, of several arms the worst. Those of `slip_vic.run.metrics.summarise`; slip_path_*: length of the
 way that the pad slides and turns on the object; off_goal_m: how far the pad ends from the end of its path as planned;
-squeeze_*: as commanded."""
+squeeze_*: as commanded; step_p99_s: time of a step of a foreign law."""
 LOST: Final = ("lost", "fault", "failed", "crashed")
 """Outcomes after which nothing holds the object, or the law has failed."""
+SHORT_M: Final = 0.02
+"""A run that keeps the object and ends farther from its goal is short [m]."""
+KINDS: Final = ("kept", "lost", "short", "held", "refused")
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,10 +55,16 @@ OWN_LAWS: Final[Mapping[str, OwnLaw]] = {
     "governed": OwnLaw("governed"),
     "governed_follow": OwnLaw("governed", more=("controller.grip.control=follow", "bridge.grip.control=follow")),
 }
+PRINTED: Final = OwnLaw("vic", "measured", ("controller.gains.spin=follow", "controller.gains.authority=printed"))
+"""Of one arm "printed" is the law as printed, with the samples of the slip sensor as they come."""
 
 
 class Result(NamedTuple):
-    """What became of a world under a law; outcome: as in `slip_vic.run.judge.Outcome`."""
+    """What became of a world under a law.
+
+    outcome: as in `slip_vic.run.judge.Outcome`; failed: a foreign law did what a law must not do; stays: the pad did
+    not leave the start, which of a closed path is its goal too.
+    """
 
     world: World
     law: str
@@ -60,18 +73,53 @@ class Result(NamedTuple):
     metrics: Mapping[str, float]
 
 
-def run(world: World, law: str) -> Result:
-    """Run a world under a law; whatever goes wrong becomes the outcome of its row."""
+def own_law(name: str, arms: int) -> OwnLaw | None:
+    """Return a law of the controller by its name; None where it is none.
+
+    ``?parameter=value`` behind the name changes one parameter of the controller, ``vic?slip_estimator=measured``.
+    """
+    base, _, change = name.partition("?")
+    if base == "printed" and arms == 1:
+        found = PRINTED
+    elif base in OF_SEVERAL:
+        found = OwnLaw(cast(Law, base), None)
+    elif base in OWN_LAWS:
+        found = OWN_LAWS[base]
+    else:
+        return None
+    more = (*found.more, f"controller.{change}") if change else found.more
+    return OwnLaw(found.law, found.estimator, more)
+
+
+def check_law(name: str) -> None:
+    """Raise where there is no such law, of the controller or foreign."""
+    if name.partition("?")[0] not in (*OWN_LAWS, *LAWS):
+        find_law(name)
+
+
+def run(world: World, law: str, texts: Texts = NO_TEXTS) -> Result:
+    """Run a world under a law; whatever goes wrong becomes the outcome of its row.
+
+    Args:
+        world: which; on a track of the benchmark every law runs through the interface for foreign laws.
+        law: a name, `module:Class` or `file.py:Class`.
+        texts: contents of files that are not opened.
+    """
+    own = None if world.track else own_law(law, world.arms)
     try:
-        own = OWN_LAWS[law]
-        scenario = world.load(own.law, own.estimator, own.more)
-        track, grips = Track(scenario, whole=False), list[float]()
-        verdict = judge(_with_grips(scenario, grips), track)
-        return Result(world, law, verdict.outcome, verdict.reason, metrics_of(verdict, track, grips))
+        if own:
+            driven: Driven | Controlled = Controlled(world.load(own.law, own.estimator, own.more, texts))
+        else:
+            driven = _foreign(world, law, texts)
+        outcome, reason, metrics = play(driven)
     except SlipVicError as error:
         return failed(world, law, "refused", str(error))
     except Exception as error:  # the rows of other worlds must come whatever one does
-        return failed(world, law, "crashed", f"{type(error).__name__}: {error}")
+        return failed(world, law, "crashed" if own else "failed", f"{type(error).__name__}: {error}")
+    if world.track and metrics["arrival_s"] == 0.0:  # of a closed path, whose goal is where it starts
+        outcome, reason = "stays", "the pad does not leave the start"
+        metrics["arrival_s"] = math.nan
+    return Result(world, law, outcome, reason, metrics)
 
 
 def failed(world: World, law: str, outcome: str, reason: str) -> Result:
@@ -79,34 +127,84 @@ def failed(world: World, law: str, outcome: str, reason: str) -> Result:
     return Result(world, law, outcome, reason, dict.fromkeys(METRICS, math.nan))
 
 
-def _with_grips(scenario: Scenario, grips: list[float]) -> Iterator[Tick]:
-    """Yield the ticks of a run, and note the squeeze of each [N], that of the arm with most."""
+@dataclass
+class Controlled:
+    """A run of a scenario under its controller, with the attributes of `Driven`."""
+
+    scenario: Scenario
+    failure: str = ""
+    step_s: list[float] = field(default_factory=list)
+    grips: list[float] = field(default_factory=list)
+
+    def ticks(self) -> Iterator[Tick]:
+        """Yield every tick."""
+        nominal = max(params.grip.nominal_force for params in self.scenario.controllers.values())
+        for tick in run_in_process(self.scenario):
+            self.grips.append(max(nominal if grip is None else grip for grip in tick.grips))
+            yield tick
+
+
+def play(driven: Driven | Controlled) -> tuple[str, str, dict[str, float]]:
+    """Run to the end; return outcome, reason and numbers."""
+    track = Track(driven.scenario, whole=False)
+    verdict = judge(driven.ticks(), track)
+    outcome, reason = ("failed", driven.failure) if driven.failure else (verdict.outcome, verdict.reason)
+    return outcome, reason, metrics_of(verdict, outcome, track, driven)
+
+
+def _foreign(world: World, law: str, texts: Texts) -> Driven:
+    kind = find_law(law).kind
+    configured = OWN_LAWS[getattr(kind, "configured", "classical")]
+    scenario = world.load(configured.law, configured.estimator, (), texts)
+    return Driven(scenario, kind(), most_grip(world.track, scenario))
+
+
+def most_grip(track: Capped, scenario: Scenario) -> float | None:
+    """Return the largest squeeze of a track [N]; that of the scenario where its gripper has no more. None: no track."""
+    if not track:
+        return None
     nominal = max(params.grip.nominal_force for params in scenario.controllers.values())
-    for tick in run_in_process(scenario):
-        grips.append(max(nominal if grip is None else grip for grip in tick.grips))
-        yield tick
+    if track == "capped":
+        return nominal
+    return max(nominal, min(params.grip.force_limit for params in scenario.controllers.values()))
 
 
-def metrics_of(verdict: Verdict, track: Track, grips: Sequence[float]) -> dict[str, float]:
+def metrics_of(verdict: Verdict, outcome: str, track: Track, driven: Driven | Controlled) -> dict[str, float]:
     """Return the numbers of a run; NaN where it has none."""
-    found = dict.fromkeys(METRICS, math.nan) | {name: verdict.worst(name) for name in OF_VERDICT}
+    found = dict.fromkeys(METRICS, math.nan)
     if not track.ticks:
         return found
+    found |= {name: verdict.worst(name) for name in OF_VERDICT}
     series = track.series()
-    paths = [slip_path(one) for one in series]
+    paths = [slip_path(one.time, one.slip_velocity) for one in series]
     found["slip_path_m"], found["slip_path_rad"] = max(path[0] for path in paths), max(path[1] for path in paths)
-    found["squeeze_mean_n"], found["squeeze_peak_n"] = float(np.mean(grips)), float(max(grips))
-    if verdict.outcome not in LOST:
+    found["squeeze_mean_n"], found["squeeze_peak_n"] = float(np.mean(driven.grips)), float(max(driven.grips))
+    if driven.step_s:
+        found["step_p99_s"] = float(np.quantile(driven.step_s, 0.99))
+    if outcome in LOST:
+        found["arrival_s"] = math.nan
+    else:
         pairs = zip(series, track.scenario.controllers.values(), strict=True)
         found["off_goal_m"] = max(off_goal_m(one, params) for one, params in pairs)
     return found
 
 
-def slip_path(series: RunSeries) -> tuple[float, float]:
-    """Return the length of the way of a run's slip velocities [m], [rad]: their trapezoids."""
-    linear, angular = (np.linalg.norm(part, axis=1) for part in np.hsplit(series.slip_velocity, [3]))
-    return _trapezoids(linear, series.time), _trapezoids(angular, series.time)
+def slip_path(time: Array, velocity: Array) -> tuple[float, float]:
+    """Return the length of the way that slip velocities (N, 6) go [m], [rad]: their trapezoids."""
+    linear, angular = (np.linalg.norm(part, axis=1) for part in (velocity[:, :3], velocity[:, 3:]))
+    return float(np.trapezoid(linear, time)), float(np.trapezoid(angular, time))
 
 
-def _trapezoids(speed: Array, time: Array) -> float:
-    return float(np.trapezoid(speed, time))
+def kind_of(row: Mapping[str, str]) -> str:
+    """Return of a row: kept, lost, short, held or refused.
+
+    held: the law never began. A run that was stopped in between and reached its goal all the same is kept.
+    """
+    if row["outcome"] in LOST:
+        return "lost"
+    if row["outcome"] == "refused":
+        return "refused"
+    off_goal = float(row["off_goal_m"])
+    if math.isnan(off_goal):
+        return "held"
+    return "short" if off_goal > SHORT_M else "kept"

@@ -2,31 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Sequence
 
 from rich.console import Console
 
+from slip_vic.experiments.contents import Contents, check_versions
+from slip_vic.experiments.engines import Died, Engine, EngineName, open_engine
 from slip_vic.experiments.rows import RowFile, Task
 from slip_vic.experiments.run import Result, failed, run
 from slip_vic.run.prepare import prepare
 from slip_vic.run.progress import progress
-from slip_vic.study.contents import check_versions
-from slip_vic.study.engines import Died, EngineName, open_engine
 
 
-def run_on_worker(versions: Mapping[str, str], task: Task) -> Result:
-    """Make one run in this process.
+def run_on_worker(contents: Contents, task: Task) -> Result:
+    """Make one run in this process, from the texts that it was sent.
 
     Raises:
         MixedVersions: this worker has other versions than the process that sent the task.
     """
-    check_versions(versions)
+    check_versions(contents.versions)
     prepare()
-    return run(task.world, task.law)
+    return run(task.world, task.law, contents.texts)
+
+
+def results(engine: Engine, contents: Contents, tasks: Sequence[Task]) -> Iterator[Result]:
+    """Make runs and yield their results as they come; one that kills its workers is crashed."""
+    for task, result in engine.run(run_on_worker, contents, tasks):
+        yield failed(*task, "crashed", result.reason) if isinstance(result, Died) else result
 
 
 def fill(
-    file: RowFile, name: str, tasks: Sequence[Task], versions: Mapping[str, str], engine: EngineName, jobs: int
+    file: RowFile, name: str, tasks: Sequence[Task], contents: Contents, engine: EngineName, jobs: int
 ) -> tuple[int, int]:
     """Make the runs that a file does not have yet; return how many it had, and how many workers died.
 
@@ -34,7 +40,7 @@ def fill(
         file: gets a row of each.
         name: of what runs, for the progress that is shown.
         tasks: all.
-        versions: of the code, that every worker must have.
+        contents: what all runs share.
         engine: where, with so many `jobs`.
     """
     done = file.done()
@@ -44,8 +50,8 @@ def fill(
         if left:
             prepare()  # here, before workers that start together all begin to
             with open_engine(engine, jobs) as workers:
-                for now, (task, result) in enumerate(workers.run(run_on_worker, versions, left), there + 1):
-                    file.append(failed(*task, "crashed", result.reason) if isinstance(result, Died) else result)
+                for now, result in enumerate(results(workers, contents, left), there + 1):
+                    file.append(result)
                     deaths = workers.deaths
                     report(now, f"{deaths} workers died" if deaths else "")
     file.sort()

@@ -2,14 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import itertools
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Self
+from importlib import resources
+from typing import Any, Final, Literal, Self
 
+import yaml
+
+from slip_core.errors import UnknownName
 from slip_vic.run.versions import digest
-from slip_vic.scenarios.scenario import NO_TEXTS, Estimator, Law, Scenario, Texts, load_scenario
+from slip_vic.scenarios.scenario import NO_TEXTS, Estimator, Law, Scenario, Texts, cut_or_extend, load_scenario
 
-NO_MISMATCH = "none"
+Track = Literal["", "capped", "free"]
+"""Tracks of the benchmark. capped: the object would break, the squeeze is at most what the scenario has. free: what the
+gripper can. "": none; the controller's laws then run as the controller, not through the interface of foreign ones."""
+SHARE: Final = 0.2
+"""Relative error of a mismatch."""
+NO_MISMATCH: Final = "none"
+MISMATCHES: Final = (
+    NO_MISMATCH,
+    *(f"{what}{sign}" for what in ("mass", "inertia", "com", "friction", "wrench_bias") for sign in "+-"),
+    "joint_friction+",
+)
+COULOMB: Final = (1.0, 1.0, 0.8, 0.8, 0.4, 0.4, 0.3)
+"""Friction of an arm without compensation, joints 1 to 7; further ones have the last [N m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,8 +34,9 @@ class World:
     """One world. Equal worlds give equal rows under the same law.
 
     set, number: the set it belongs to and its number there; scenario, sensor: names or files; seed: of the sensors'
-    noise; settings: assignments to parameters of both nodes, in their order; arms: how many hold the object. For tables
-    alone, because `settings` has what they do: motion, drive, mismatch.
+    noise; settings: assignments to parameters of both nodes, in their order; arms: how many hold the object; track: see
+    `Track`; frozen: the digest that a set was published with. For tables alone, because `settings` has what they do:
+    motion, drive, mismatch.
     """
 
     scenario: str
@@ -31,6 +49,8 @@ class World:
     motion: str = "scenario"
     drive: str = ""
     mismatch: str = NO_MISMATCH
+    track: Track = ""
+    frozen: str = ""
 
     @classmethod
     def read(cls, values: Mapping[str, Any]) -> Self:
@@ -39,8 +59,9 @@ class World:
 
     @property
     def digest(self) -> str:
-        """Digest of everything that a run depends on."""
-        return digest(part.encode() for part in (self.scenario, self.sensor, str(self.seed), *self.settings))
+        """Digest of everything that a run depends on; of a published set the one that it was published with."""
+        parts = (self.scenario, self.sensor, str(self.seed), *self.settings)
+        return self.frozen or digest(part.encode() for part in parts)
 
     def load(
         self, law: Law, estimator: Estimator | None = None, more: Sequence[str] = (), texts: Texts = NO_TEXTS
@@ -61,6 +82,89 @@ class World:
         )
 
 
+def combined(
+    scenarios: Sequence[str],
+    sensors: Sequence[str],
+    mismatches: Sequence[str],
+    seeds: Iterable[int],
+    drives: Mapping[str, Sequence[str]],
+    assignments: Sequence[str] = (),
+    texts: Texts = NO_TEXTS,
+) -> list[World]:
+    """Return every combination; the seed runs slowest, so that a study that is stopped early has all kinds of worlds.
+
+    Args:
+        scenarios, sensors, mismatches: names.
+        seeds: of the sensors' noise.
+        drives: settings of each drive by its name, "" for that of the scenario.
+        assignments: of every world, behind those of its drive.
+        texts: contents of files that are not opened.
+
+    Raises:
+        InputError: an unknown name, a bad assignment.
+    """
+    check_mismatches(mismatches)
+    known = {
+        (scenario, drive): load_scenario(scenario, assignments=(*settings, *assignments), texts=texts)
+        for scenario in scenarios
+        for drive, settings in drives.items()
+    }
+    return [
+        World(
+            scenario, sensor, seed,
+            (*drives[drive], *assignments, *mismatch_assignments(mismatch, known[scenario, drive])),
+            number=seed, arms=len(known[scenario, drive].controllers), drive=drive, mismatch=mismatch,
+        )
+        for seed, scenario, drive, mismatch, sensor in itertools.product(seeds, scenarios, drives, mismatches, sensors)
+    ]  # fmt: skip
+
+
+def check_mismatches(names: Iterable[str]) -> None:
+    """Raise where a mismatch is unknown; the nearest is offered."""
+    for name in names:
+        if name not in MISMATCHES:
+            raise UnknownName("mismatch", name, MISMATCHES)
+
+
+def coulomb_of(joints: int) -> list[float]:
+    """Return COULOMB of the joints of an arm (n,) [N m]."""
+    values: list[float] = cut_or_extend(list(COULOMB), joints)
+    return values
+
+
+def mismatch_assignments(name: str, known: Scenario) -> list[str]:
+    """Return what a mismatch sets in the bridge; a wrench bias is a share of the grip force along the pad's x.
+
+    More friction of the joints is SHARE of COULOMB, beside what their drives have.
+    """
+    if name == NO_MISMATCH:
+        return []
+    what, factor = name[:-1], 1.0 + SHARE * (1.0 if name[-1] == "+" else -1.0)
+    bridge = known.first
+    prefixes = {f"{arm}." if arm else "": params for arm, params in known.bridges.items()}
+    if what == "mass":
+        return [f"bridge.object.mass={bridge.object.mass * factor}"]
+    if what == "inertia":
+        return [f"bridge.object.inertia={[value * factor for value in bridge.object.inertia]}"]
+    if what == "com":
+        return [
+            f"{arm}bridge.contacts.position={[value * factor for value in params.contacts.position[:3]]}"
+            for arm, params in prefixes.items()
+        ]
+    if what == "joint_friction":
+        found = []
+        for arm, params in prefixes.items():
+            own = params.drive.of_joints("coulomb", len(params.joint_names))
+            more = [a + SHARE * b for a, b in zip(own, coulomb_of(len(own)), strict=True)]
+            found.append(f"{arm}bridge.drive.coulomb={more}")
+        return found
+    if what == "friction":
+        friction = bridge.friction
+        return [f"bridge.friction.mu_s={friction.mu_s * factor}", f"bridge.friction.mu_k={friction.mu_k * factor}"]
+    bias = bridge.grip.force * (factor - 1.0)
+    return [f"bridge.sensors.wrench.bias={[bias, 0.0, 0.0, 0.0, 0.0, 0.0]}"]
+
+
 def parameter_of(setting: str) -> str:
     """Return the parameter of an assignment without the arm: ``left.bridge.drive.gain=1`` is ``bridge.drive.gain``."""
     name = setting.partition("=")[0]
@@ -78,3 +182,10 @@ def renamed(settings: Sequence[str], table: Mapping[str, str | None]) -> tuple[s
             name, equals, value = setting.partition("=")
             found.append(f"{name.removesuffix(old)}{new}{equals}{value}")
     return tuple(found)
+
+
+def frozen_worlds(rows: Iterable[Mapping[str, Any]]) -> list[World]:
+    """Return worlds that were stored as data, in today's names of parameters (renamed.yaml)."""
+    text = resources.files("slip_vic.experiments").joinpath("renamed.yaml").read_text(encoding="utf-8")
+    table = yaml.safe_load(text) or {}
+    return [World.read({**row, "settings": renamed(row["settings"], table)}) for row in rows]

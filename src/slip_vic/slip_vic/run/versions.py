@@ -21,12 +21,8 @@ SOURCES = (
     "slip_vic/scenarios/scenario.py",
     "slip_vic/experiments/world.py",
     "slip_vic/experiments/run.py",
-    "slip_vic/study/cases.py",
-    "slip_vic/study/run_case.py",
-    "slip_vic/study/lottery.py",
-    "slip_vic/benchmark/suite.py",
-    "slip_vic/benchmark/driven.py",
-    "slip_vic/benchmark/ours.py",
+    "slip_vic/experiments/driven.py",
+    "slip_vic/experiments/ours.py",
 )
 """Our own packages and files on which they depend; scenario, sensor and URDF are compared as texts."""
 

@@ -40,7 +40,7 @@ from slip_vic_controller.params.node_params import ControllerNodeParams
 if TYPE_CHECKING:
     from slip_core.arrays import Array
     from slip_sim_bridge.session import BridgeSession
-    from slip_vic.benchmark.law import Law as OwnLaw
+    from slip_vic.experiments.law import Law as OwnLaw
     from slip_vic.run.in_process import Tick
     from slip_vic.run.run import Run
 
@@ -181,8 +181,8 @@ class Scenario:
         Raises:
             InputError: parameters and URDF that do not fit; a `slip_vic.Law` that fails.
         """
-        from slip_vic.benchmark.driven import Driven
-        from slip_vic.benchmark.law import Law as OwnLaw
+        from slip_vic.experiments.driven import Driven
+        from slip_vic.experiments.law import Law as OwnLaw
         from slip_vic.run.judge import judge
         from slip_vic.run.run import Run
         from slip_vic.run.track import Track

@@ -1,0 +1,109 @@
+"""Planning: the fastest timing of the path that friction as configured admits, made before the run."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any, ClassVar
+
+import numpy as np
+from scipy.spatial import ConvexHull
+
+from slip_core.arrays import Array
+from slip_core.errors import InputError
+from slip_vic.experiments.baselines.schools import PLAN_POINTS, MotionLaw, planned_load, timed
+from slip_vic.experiments.law import Reference, Seen, Setup
+
+FACETS = 200
+"""Of the polytope inside of the limit surface."""
+ENDS = (1.0, 0.5, 0.2, 0.05)
+"""Rates at the end that are tried; the path is at rest there, whatever its rate."""
+
+
+class ToppraOffline(MotionLaw):
+    """TOPP-RA over the path's own time s: load(s, s', s'') within a polytope inside of the limit surface.
+
+    The timing is never faster than the path as given, so that arrivals can be compared. Where friction cannot carry the
+    path at any timing, the path is run as it is.
+
+    Source: H. Pham, Q.-C. Pham, A new approach to time-optimal path parameterization based on reachability analysis,
+    IEEE T-RO 34 (2018) 645-659; library toppra. Ours: margin 0.9 of the friction limit.
+    """
+
+    margin: ClassVar[float] = 0.9
+
+    def reset(self, setup: Setup) -> None:
+        """Plan."""
+        super().reset(setup)
+        path = np.linspace(0.0, setup.duration_s, PLAN_POINTS)
+        rates = timing(setup, path, self.margin * setup.friction_limit)
+        squares = np.ones_like(path) if rates is None else rates**2
+        self._path, self._slopes = path, np.diff(squares) / (2.0 * np.diff(path))
+        mean = 0.5 * (np.sqrt(squares[1:]) + np.sqrt(squares[:-1]))
+        self._rates = np.sqrt(squares)
+        self._times = np.concatenate(([0.0], np.cumsum(np.diff(path) / np.maximum(mean, 1e-9))))
+
+    def wanted(self, seen: Seen) -> Reference:
+        """Return where the timing is: between two points s'' is constant."""
+        if seen.time >= self._times[-1]:
+            return timed(self.setup, self._path[-1], 0.0, 0.0)
+        k = int(np.searchsorted(self._times, seen.time, side="right")) - 1
+        slope, since = float(self._slopes[k]), seen.time - float(self._times[k])
+        rate = max(float(self._rates[k]) + slope * since, 0.0)
+        at = float(self._path[k]) + (float(self._rates[k]) + 0.5 * slope * since) * since
+        return timed(self.setup, at, rate, slope)
+
+
+def timing(setup: Setup, path: Array, limit: float) -> Array | None:
+    """Return the rate s' at times of the path (m,) [s]; None where friction carries it at no timing.
+
+    Raises:
+        InputError: toppra is not installed.
+    """
+    toppra: Any
+    algorithm: Any
+    constraint: Any
+    try:
+        toppra, algorithm, constraint = (
+            importlib.import_module(name) for name in ("toppra", "toppra.algorithm", "toppra.constraint")
+        )
+    except ImportError:
+        raise InputError("law toppra_offline", got="no toppra", expected="toppra", fix="pip install toppra") from None
+    toppra.setup_logging("CRITICAL")
+    loads = np.array([[planned_load(setup, timed(setup, t, *pair)) for pair in ((0, 0), (0, 1), (1, 0))] for t in path])
+    rest = loads[:, 0]
+    facets = ConvexHull(sphere(FACETS)).equations
+
+    class Surface(constraint.LinearConstraint):
+        def __init__(self) -> None:
+            super().__init__()
+            self.dof, self.identical = 1, True
+
+        def compute_constraint_params(self, path: Any, gridpoints: Array) -> tuple[Any, ...]:
+            bounds = -limit * facets[:, 3]
+            return loads[:, 1] - rest, loads[:, 2] - rest, rest, facets[:, :3], bounds, None, None
+
+    class Given(constraint.LinearConstraint):
+        def __init__(self) -> None:
+            super().__init__()
+            self.dof, self.identical = 1, True
+
+        def compute_constraint_params(self, path: Any, gridpoints: Array) -> tuple[Any, ...]:
+            none = np.zeros((len(gridpoints), 1))
+            return none, none + 1.0, none - 1.0, np.ones((1, 1)), np.zeros(1), None, None
+
+    line = toppra.SplineInterpolator(np.array([0.0, path[-1]]), np.array([[0.0], [path[-1]]]))
+    solver = algorithm.TOPPRA([Surface(), Given()], line, gridpoints=path, solver_wrapper="seidel")
+    for last in ENDS:
+        sets = solver.compute_controllable_sets(last, last)
+        if np.isfinite(sets).all() and sets[0, 1] >= 0.0:
+            _, rates, _ = solver.compute_parameterization(float(np.sqrt(sets[0, 1])) * (1.0 - 1e-6), last)
+            if rates is not None and np.isfinite(rates).all():
+                return np.array(rates)
+    return None
+
+
+def sphere(count: int) -> Array:
+    """Return points that are spread evenly over the unit sphere; (count, 3)."""
+    k = np.arange(count)
+    z, turn = 1 - (2 * k + 1) / count, np.pi * (1 + np.sqrt(5)) * k
+    return np.column_stack((np.sqrt(1 - z * z) * np.cos(turn), np.sqrt(1 - z * z) * np.sin(turn), z))

@@ -1,0 +1,370 @@
+"""A law in the place of the controller's: the same loop, the same simulation, and the effort limiter behind it.
+
+The controller still runs below, as the watch of the arm: its kinematics are what the law sees, and where the arm runs
+away it goes to FAULT, which ends the run. Its effort is not applied.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import math
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from slip_core.arrays import Array, matrix_from_quat_xyzw
+from slip_core.params import build, flatten
+from slip_core.records import Records, new, record, records
+from slip_core.types import COMMANDS, EffortCommand, JointCommand, SlipSample
+from slip_core.vectors import spatial
+from slip_vic.experiments.law import Answer, Effort, Law, Pad, Reference, Seen, Setup, Velocity, numbers
+from slip_vic.run.in_process import Tick, run_in_process
+from slip_vic.scenarios.scenario import Scenario
+from slip_vic_controller.arm.command import (
+    MOTION_COMMAND,
+    Interface,
+    MotionCommand,
+    advance_motion,
+    joint_acceleration,
+    start_motion,
+)
+from slip_vic_controller.arm.robot import Robot
+from slip_vic_controller.law.contact import CONTACT_SAMPLE, ContactSample
+from slip_vic_controller.law.torque import TORQUE, Torque, joint_torque
+from slip_vic_controller.params.node_params import ControllerNodeParams
+from slip_vic_controller.path.paths import reference_at
+from slip_vic_controller.safety.effort_limiter import (
+    LIMITER,
+    EffortLimiter,
+    limit_effort,
+    needs_restart,
+    start_limiter,
+)
+from slip_vic_controller.session.cycle_result import CycleResult
+from slip_vic_controller.state import CONFIG, ControllerConfig
+
+LONGEST_STEP_S: Final = 2.0
+"""A step that takes longer ends the run."""
+SERVO_RATE: Final = 50.0
+"""Of the loop with which drives that take efforts follow joint velocities [1/s]; between those of the presets."""
+WATCH: Final[dict[str, Any]] = {
+    "controller": "classical", "command.interface": "effort", "governor.mode": "off", "slip_estimator": "measured",
+    "gains.give_up": False, "joint_sensor.noise_velocity": 0.0, "joint_sensor.quantum_position": 0.0,
+    "grip.control": "fixed", "tare.duration_s": 0.0, "safety.inputs.frozen_s": 1e3,
+    "safety.load.drop_speed": 1e3, "safety.limits.error_linear": 1e3, "safety.limits.error_angular": 1e3,
+}  # fmt: skip
+"""Of the controller that watches: the path waits for no law, and samples are used as they are measured.
+
+With drives that take velocities it would estimate the joints from commands of its own, which do not leave.
+"""
+
+
+class LawError(Exception):
+    """What a law did that a law must not do, in one line."""
+
+
+class Driven:
+    """A run of a scenario under a law.
+
+        driven = Driven(scenario, MyLaw())
+        verdict = judge(driven.ticks(), Track(driven.scenario, whole=False))
+
+    Args:
+        scenario: its controllers' parameters are those that the law may read.
+        law: made for this run.
+        most_grip: largest squeeze that is let through [N]; None: what the gripper can.
+
+    Attributes:
+        scenario: the same with the controller that watches.
+        failure: what the law did wrong, in one line; it ends the run.
+        step_s: time of each step of the law [s]; grips: squeeze that was commanded at each tick, the largest arm's [N].
+    """
+
+    def __init__(self, scenario: Scenario, law: Law, most_grip: float | None = None) -> None:
+        self._known, self._law = scenario, law
+        watching = {
+            name: build(ControllerNodeParams, flatten(params) | WATCH, f"controller {name}".strip())
+            for name, params in scenario.controllers.items()
+        }
+        self.scenario = dataclasses.replace(scenario, controllers=watching)
+        limits = [params.grip.force_limit for params in scenario.controllers.values()]
+        self._most_grip = min(limits) if most_grip is None else most_grip
+        self._arms = [_Arm(scenario, name) for name in scenario.controllers]
+        self._several = len(self._arms) > 1
+        self.failure = ""
+        self.step_s: list[float] = []
+        self.grips: list[float] = []
+
+    def ticks(self) -> Iterator[Tick]:
+        """Run and yield every tick with the law's command in it, until the end or until the law fails."""
+        begun = False
+        with _alarm() as set_alarm:
+            for tick in run_in_process(self.scenario):
+                try:
+                    seen = self._seen(tick)
+                    if not begun:
+                        self._guarded("reset", self._setup(tick))
+                        begun = True
+                    answers = self._answers(self._guarded("step", seen, set_alarm))
+                    for arm, answer in enumerate(answers):
+                        self._apply(tick, arm, answer)
+                except LawError as error:
+                    self.failure = f"{tick.time_s:.3f} s: {error}"
+                    return
+                self.grips.append(max(arm.squeeze for arm in self._arms))
+                yield tick
+
+    def _guarded(self, method: str, argument: object, set_alarm: Callable[[float], None] = lambda _: None) -> object:
+        """Call the law; whatever it raises is a `LawError`."""
+        call = getattr(self._law, method)
+        try:
+            begin = time.perf_counter()
+            set_alarm(LONGEST_STEP_S)
+            try:
+                result = call(argument)
+            finally:
+                set_alarm(0.0)
+            if method == "step":
+                self.step_s.append(time.perf_counter() - begin)
+            return result
+        except _TooSlowError:
+            raise LawError(f"step takes longer than {LONGEST_STEP_S:g} s") from None
+        except Exception as error:  # a law is someone else's
+            raise LawError(f"{method} raises {type(error).__name__}: {' '.join(str(error).split())}") from error
+
+    def _answers(self, given: object) -> Sequence[object]:
+        if not self._several:
+            return (given,)
+        if not isinstance(given, tuple) or len(given) != len(self._arms):
+            raise LawError(f"step returns {type(given).__name__}; expected a tuple of {len(self._arms)} answers")
+        return given
+
+    def _apply(self, tick: Tick, k: int, answer: object) -> None:
+        """Put an answer into a tick, through the limits of the drives."""
+        arm, tick.grips[k] = self._arms[k], None
+        try:
+            if answer is not None:
+                if not isinstance(answer, Pad | Effort | Velocity):
+                    raise ValueError(f"step returns {type(answer).__name__}; expected Pad, Effort, Velocity or None")
+                if answer.grip is not None:
+                    (grip,) = numbers("grip", [answer.grip], 1)
+                    if grip < 0.0:
+                        raise ValueError(f"grip is {grip:g} N; expected 0 or more")
+                    arm.grip = tick.grips[k] = arm.squeeze = min(float(grip), self._most_grip)
+            tick.commands[k] = arm.command(answer, tick, k)
+        except ValueError as error:
+            raise LawError(str(error)) from None
+
+    def _seen(self, tick: Tick) -> Seen:
+        first, *others = [arm.see(tick, k, self._law.needs) for k, arm in enumerate(self._arms)]
+        return dataclasses.replace(first, others=tuple(others)) if others else first
+
+    def _setup(self, tick: Tick) -> Setup:
+        params, arm = next(iter(self._known.controllers.values())), self._arms[0]
+        start = tick.result.arm
+        position, rotation = np.array(start.position), np.array(start.rotation)
+        path, start_s = arm.config.path, params.trajectory.start_s
+        ends = path.knot[int(path.segments)] if path.segments else path.duration
+
+        def reference(at: float) -> Reference:
+            point = reference_at(path, float(at) - start_s, position, rotation)
+            x, R, twist, acceleration = (np.array(part, dtype=float) for part in point)
+            return Reference(x, R, twist.reshape(6), acceleration.reshape(6))
+
+        reference(0.0)  # compiled here where it is the first one on a machine: no step of the law waits for it
+
+        return Setup(
+            reference=reference,
+            duration_s=float(ends) + start_s,
+            period_s=params.control_period_s,
+            friction_limit=params.governor.friction_limit,
+            torsional_radius=params.governor.torsional_radius,
+            grip=params.grip.nominal_force,
+            most_grip=self._most_grip,
+            mass=params.object.mass,
+            inertia=np.array(params.object.inertia),
+            gravity=np.array(params.gravity),
+            grasp_position=np.array(params.contacts.position[:3]),
+            grasp_rotation=matrix_from_quat_xyzw(np.array(params.contacts.orientation_xyzw[:4])),
+            slip_axes=np.array(params.contacts.slip_axes[:6], dtype=float),
+            joints=arm.joints,
+            seed=self._known.seed,
+            parameters=self._known.controllers,
+            urdfs=self._known.placed,
+        )
+
+
+class _Arm:
+    """What is remembered of one arm between ticks."""
+
+    def __init__(self, scenario: Scenario, name: str) -> None:
+        from slip_vic_controller.config import make_config
+
+        params = scenario.controllers[name]
+        robot = Robot(scenario.placed[name], params.ee_frame, params.joint_names, params.gravity)
+        self.joints = len(params.joint_names)
+        self.config: ControllerConfig = record(np.array(make_config(params, robot, lockstep=True)), CONFIG)
+        self.limiter: EffortLimiter = record(new(LIMITER), LIMITER)
+        self._motion: MotionCommand = record(new(MOTION_COMMAND), MOTION_COMMAND)
+        self._torque: Torque = record(new(TORQUE), TORQUE)
+        self._samples: Records[ContactSample] = records(new(CONTACT_SAMPLE), CONTACT_SAMPLE)
+        self._posture: Array | None = None
+        self._slip, self._slip_time, self._start_ns = np.zeros(6), -math.inf, -1
+        self._wrench = np.zeros(6)
+        self._period_s = params.control_period_s
+        self._command: Callable[[int, Array], JointCommand] = COMMANDS[params.command.interface]
+        self.grip = params.grip.nominal_force
+        """Squeeze as configured, then as commanded [N]."""
+        self.squeeze = scenario.bridges[name].grip.force
+        """Squeeze of the simulated gripper at first, then as commanded [N]."""
+
+    def see(self, tick: Tick, k: int, needs: frozenset[str]) -> Seen:
+        """Return what a law sees of a tick."""
+        outputs, terms, n = tick.outputs.arms[k], tick.results[k].arm, self.joints
+        now_ns = tick.outputs.stamp_ns
+        if self._start_ns < 0:
+            self._start_ns = now_ns
+        for wrench in outputs.wrenches:
+            if np.isfinite(wrench.wrench).all():
+                self._wrench = np.array(wrench.wrench)
+        slips = tuple(one for one in outputs.slips if isinstance(one, SlipSample))
+        for slip in slips if "slip" in needs else ():
+            if slip.valid:
+                self._slip, self._slip_time = np.array(slip.twist), 1e-9 * (slip.stamp_ns - self._start_ns)
+        return Seen(
+            time=1e-9 * (now_ns - self._start_ns),
+            q=np.array(outputs.joint.position),
+            qd=np.array(outputs.joint.velocity),
+            position=np.array(terms.position),
+            rotation=np.array(terms.rotation),
+            twist=np.array(terms.twist),
+            J=np.array(terms.J[:, :n]),
+            M=np.array(terms.M[:n, :n]),
+            bias=np.array(terms.bias[:n]),
+            wrench=self._wrench.copy() if "wrench" in needs else np.zeros(6),
+            slip=self._slip.copy(),
+            slip_time=self._slip_time,
+            grip=self.grip,
+            truth=outputs.readings.truth if "truth" in needs else None,
+            stamp_ns=now_ns,
+            joint=outputs.joint,
+            wrenches=outputs.wrenches if "wrench" in needs else (),
+            slips=slips if "slip" in needs else (),
+        )
+
+    def command(self, answer: Answer, tick: Tick, k: int) -> JointCommand:
+        """Return what the drives get of an answer, inside their limits; nothing where there is none.
+
+        Raises:
+            ValueError: an answer that these drives do not take, or that gives no finite command; one line.
+        """
+        interface, stamp_ns, result = self.config.command.interface, tick.outputs.stamp_ns, tick.results[k]
+        if answer is None:
+            self.limiter.started = self._motion.started = 0
+            return self._command(stamp_ns, np.zeros(0))
+        if interface != Interface.EFFORT:
+            self._move(self._acceleration(answer, result), result)
+            moved = self._motion.velocity if interface == Interface.VELOCITY else self._motion.position
+            return self._command(stamp_ns, np.array(moved[: self.joints]))
+        if isinstance(answer, Pad):
+            wanted = self.torque(result, numbers("Pad.acceleration", answer.acceleration, 6))
+        elif isinstance(answer, Velocity):
+            wanted = self._servo(result, numbers("Velocity.velocity", answer.velocity, self.joints))
+        else:
+            wanted = numbers("Effort.effort", answer.effort, self.joints)
+        return EffortCommand(stamp_ns, self.limited(wanted, tick, k))
+
+    def _acceleration(self, answer: Pad | Effort | Velocity, result: CycleResult) -> Array:
+        """Return the joint acceleration of an answer for drives with loops of their own; (n,) [rad/s^2]."""
+        if self._motion.started == 0:
+            start_motion(self.config.command, self._motion, result.joint.position, result.joint.velocity)
+        if isinstance(answer, Velocity):
+            wanted = numbers("Velocity.velocity", answer.velocity, self.joints)
+            return (wanted - self._motion.velocity[: self.joints]) / self._period_s
+        if isinstance(answer, Effort):
+            raise ValueError("step returns Effort, but the drives take no efforts; expected Pad, Velocity or None")
+        tau, arm, qdd = (
+            self.torque(result, numbers("Pad.acceleration", answer.acceleration, 6)),
+            result.arm,
+            np.zeros(self.joints),
+        )
+        if not joint_acceleration(self.joints, arm.M, arm.bias, arm.J, self._torque.h_ee, tau, qdd):
+            raise ValueError("Pad.acceleration gives no finite acceleration of the joints at this posture")
+        return qdd
+
+    def _move(self, qdd: Array, result: CycleResult) -> None:
+        """Integrate a joint acceleration over a period inside the limits of the motion; (n,) [rad/s^2]."""
+        limited = np.zeros(self.joints, np.int64)
+        advance_motion(self.config.command, self._motion, qdd, result.joint.velocity, self._period_s, limited)
+
+    def _servo(self, result: CycleResult, velocity: Array) -> Array:
+        """Return the effort with which a joint goes to a velocity at `SERVO_RATE`; (n,) [rad/s] -> (n,) [N m].
+
+        M qdd + C qd + g - J^T h, with qdd = rate (velocity - qd): Eq. (1).
+        """
+        arm, n = result.arm, self.joints
+        h = np.concatenate((arm.rotation @ self._wrench[:3], arm.rotation @ self._wrench[3:]))
+        qdd = SERVO_RATE * (velocity - result.joint.velocity)
+        return np.asarray(arm.M[:n, :n] @ qdd + arm.bias[:n] - arm.J[:, :n].T @ h)
+
+    def torque(self, result: CycleResult, acceleration: Array) -> Array:
+        """Return the effort of an acceleration of the pad; (6,) {w} -> (n,) [N m].
+
+        Raises:
+            ValueError: at a posture without a finite effort.
+        """
+        q, qd = np.array(result.joint.position), np.array(result.joint.velocity)
+        if self._posture is None:
+            self._posture = q.copy()
+        self._samples[0].wrench[:] = self._wrench
+        solved, _ = joint_torque(
+            self.config.law, result.arm, spatial(acceleration), self._samples, q, qd, self._posture, self._torque
+        )
+        effort = np.array(self._torque.tau[: self.joints])
+        if not solved or not np.isfinite(effort).all():
+            raise ValueError("Pad.acceleration gives no finite effort at this posture")
+        return effort
+
+    def limited(self, wanted: Array, tick: Tick, k: int) -> Array:
+        """Return what the effort limiter of the control cycle lets out; (n,) [N m]."""
+        limits, n, now_ns = self.config.motion.drive, self.joints, tick.outputs.stamp_ns
+        if needs_restart(limits, self.limiter, now_ns):
+            joint, gravity = tick.outputs.arms[k].joint, np.array(tick.results[k].arm.gravity[:n])
+            felt, qd = np.array(joint.effort), np.array(joint.velocity)
+            start_limiter(limits, self.limiter, n, felt, gravity, qd, self.config.estimator.friction, now_ns)
+        clipped, limited = np.zeros(n, np.int64), np.zeros(n, np.int64)
+        limit_effort(limits, self.limiter, n, wanted, now_ns, clipped, limited)
+        return np.array(self.limiter.effort[:n])
+
+
+class _TooSlowError(BaseException):
+    """Raised inside of a step that takes too long; a law that catches every `Exception` does not catch it."""
+
+
+@contextlib.contextmanager
+def _alarm() -> Iterator[Callable[[float], None]]:
+    """Yield a function of the time after which `_TooSlowError` is raised [s]; 0: never.
+
+    Only the main thread of a process has an alarm.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield lambda _: None
+        return
+
+    def stop(*_: object) -> None:
+        raise _TooSlowError
+
+    def set_alarm(after_s: float) -> None:
+        signal.setitimer(signal.ITIMER_REAL, after_s)
+
+    before = signal.signal(signal.SIGALRM, stop)
+    try:
+        yield set_alarm
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)

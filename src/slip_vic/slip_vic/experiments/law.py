@@ -1,0 +1,283 @@
+"""What a control law of one's own is: the classes that it takes and gives, and how it is found by its name."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import importlib.util
+import inspect
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import ModuleType
+from typing import Any, ClassVar, Final, Protocol, cast, runtime_checkable
+
+from slip_core.arrays import Array
+from slip_core.errors import InputError, UnknownName
+from slip_core.types import JointSample, ObjectTruth, SlipSample, WrenchSample
+from slip_vic_controller.params.node_params import ControllerNodeParams
+
+NEEDS: Final = ("wrench", "slip", "grip", "truth")
+"""What a law may need beside the arm itself; one that needs the truth is an oracle, and is not ranked."""
+KNOWN: Final = {
+    **{name: f"slip_vic.experiments.ours:{kind}"
+       for name, kind in (("classical", "Classical"), ("vic", "Vic"), ("governed", "Governed"),
+                          ("governed_follow", "GovernedFollow"))},
+    **{name: f"slip_vic.experiments.baselines.{name}:{name.title().replace('_', '')}"
+       for name in ("fixed_grip", "slip_aware_hold", "sun_slipping_control", "proactive_slip_control", "grasp_cbf",
+                    "toppra_offline")},
+}  # fmt: skip
+"""Laws that have a short name."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """Desired motion of the pad, {w}: position (3,) [m], rotation (3, 3), twist and acceleration (6,), linear first."""
+
+    position: Array
+    rotation: Array
+    twist: Array
+    acceleration: Array
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What is configured before a run; nothing in it comes from the simulated world.
+
+    reference: the desired motion of the first pad at a time since the start of the run [s]; duration_s: when that
+    motion ends [s]; period_s: of control [s]; friction_limit: force that the grasp can carry at the grip it has at
+    first [N]; torsional_radius: largest friction torque over largest friction force [m]; grip, most_grip: squeeze at
+    first and at most, sum over both pads [N]; mass, inertia: of the object [kg], ixx iyy izz ixy ixz iyz [kg m2] {o};
+    gravity (3,) [m/s2] {w}; grasp_position, grasp_rotation: of the pad on the object; (3,) [m], (3, 3) {o};
+    slip_axes: directions on pad axes in which it can slip, (6,) 0 or 1; joints: how many; seed: for a law that draws;
+    parameters, urdfs: everything that a controller of this suite is configured with, for each arm by its name.
+    """
+
+    reference: Callable[[float], Reference]
+    duration_s: float
+    period_s: float
+    friction_limit: float
+    torsional_radius: float
+    grip: float
+    most_grip: float
+    mass: float
+    inertia: Array
+    gravity: Array
+    grasp_position: Array
+    grasp_rotation: Array
+    slip_axes: Array
+    joints: int
+    seed: int
+    parameters: Mapping[str, ControllerNodeParams]
+    urdfs: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What one arm measures at a tick. What a law does not need (`Law.needs`) is zero or empty.
+
+    time: since the start of the run [s]; q, qd (n,) [rad], [rad/s]; position (3,) [m], rotation (3, 3), twist (6,)
+    [m/s, rad/s]: of the pad, {w}; J (6, n), M (n, n) [kg m2], bias (n,) [N m]: Jacobian {w}, joint inertia,
+    C qd + g; wrench (6,) [N, N m] {ee}: the newest, of the object on the pad; slip (6,) [m/s, rad/s] {ee}: the newest
+    slip velocity, and slip_time when it was measured [s], -inf before the first; grip: squeeze that is commanded [N];
+    truth: pose and motion of the object; stamp_ns, joint, wrenches, slips: the samples themselves, those that are new,
+    oldest first; others: the further arms.
+    """
+
+    time: float
+    q: Array
+    qd: Array
+    position: Array
+    rotation: Array
+    twist: Array
+    J: Array
+    M: Array
+    bias: Array
+    wrench: Array
+    slip: Array
+    slip_time: float
+    grip: float
+    truth: ObjectTruth | None
+    stamp_ns: int
+    joint: JointSample
+    wrenches: tuple[WrenchSample, ...]
+    slips: tuple[SlipSample, ...]
+    others: tuple[Seen, ...] = field(default=())
+
+
+@dataclass(frozen=True, slots=True)
+class Pad:
+    """Acceleration of the pad; (6,) [m/s2, rad/s2] {w}, linear part first. It becomes an effort by Eq. (21).
+
+    For drives that take velocities or positions the acceleration that this effort gives the joints is integrated.
+
+    grip: squeeze that is wanted, sum over both pads [N]; None: as before.
+    """
+
+    acceleration: Array
+    grip: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Effort:
+    """Joint efforts (n,) [N m] with the arm's weight, for drives that take them. grip: see `Pad`."""
+
+    effort: Array
+    grip: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Velocity:
+    """Joint velocities (n,) [rad/s]. grip: see `Pad`.
+
+    Drives that take efforts follow it by a velocity loop (`SERVO_RATE` of `driven`), others by their own.
+    """
+
+    velocity: Array
+    grip: float | None = None
+
+
+Answer = Pad | Effort | Velocity | None
+"""None: no command, the arm holds its posture by itself."""
+
+
+@runtime_checkable
+class Law(Protocol):
+    """A control law; made without arguments once for each run. Nothing needs to be registered.
+
+        class MyLaw:
+            needs = frozenset({"wrench"})
+            def reset(self, setup): self.setup = setup
+            def step(self, seen): return slip_vic.Pad(np.zeros(6))
+
+    needs: of `NEEDS`. `reset` is called once, before the first `step`; slow things (planning, compiling) belong there.
+    `step` is called in every control period and returns `Pad`, `Effort`, `Velocity` or None. A law of several arms has
+    `several = True` and returns a tuple with one answer for each.
+    """
+
+    needs: ClassVar[frozenset[str]]
+
+    def reset(self, setup: Setup) -> None:
+        """Begin a run."""
+        ...
+
+    def step(self, seen: Seen) -> Answer | tuple[Answer, ...]:
+        """Answer a tick."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class FoundLaw:
+    """A law by its name; source: digest of the file that it stands in; `name` works on every worker."""
+
+    name: str
+    kind: type[Law]
+    source: str
+
+    @property
+    def label(self) -> str:
+        """What it is called in tables."""
+        name, mark, change = self.name.partition("?")
+        return name.rpartition(":")[2] + mark + change
+
+    @property
+    def several(self) -> bool:
+        """Whether it answers for several arms."""
+        return bool(getattr(self.kind, "several", False))
+
+    @property
+    def oracle(self) -> bool:
+        """Whether it reads what no sensor measures."""
+        return "truth" in self.kind.needs
+
+
+def find_law(name: str) -> FoundLaw:
+    """Return a law: a name of `KNOWN`, `module:Class` or `file.py:Class`.
+
+    `?number=value` behind it gives the class another value of a number that it has, `fixed_grip?factor=1.5`; a name
+    with a dot is a parameter of the controller, for laws that have `more`.
+
+    Raises:
+        InputError: there is none, its module cannot be imported, or it is not a law.
+    """
+    name, _, change = name.partition("?")
+    if change:
+        return _changed(find_law(name), change)
+    full = KNOWN.get(name, name)
+    where, colon, kind = full.rpartition(":")
+    if not colon or not where or not kind:
+        raise UnknownName("law", name, KNOWN, fix="or give module:Class, or file.py:Class")
+    try:
+        module = _module_of_file(Path(where)) if where.endswith(".py") else importlib.import_module(where)
+    except Exception as error:  # whatever a module of someone else's does
+        raise InputError(
+            f"law {name}", got=f"{type(error).__name__}: {error}", expected="a module that can be imported"
+        ) from error
+    found = getattr(module, kind, None)
+    if not inspect.isclass(found):
+        raise UnknownName("law", kind, _classes(module), where=where)
+    for method in ("reset", "step"):
+        if not callable(getattr(found, method, None)):
+            raise InputError(f"law {name}", got=f"no {method}()", expected="needs, reset(setup) and step(seen)")
+    needs = getattr(found, "needs", None)
+    if not isinstance(needs, (frozenset, set)) or not set(needs) <= set(NEEDS):
+        raise InputError(f"law {name}: needs", got=needs, expected=f"a frozenset of {', '.join(NEEDS)}")
+    text = Path(inspect.getfile(found)).read_bytes()
+    return FoundLaw(name, cast("type[Law]", found), hashlib.sha256(text).hexdigest()[:16])
+
+
+def _changed(law: FoundLaw, change: str) -> FoundLaw:
+    """Return a law with another value of one of its numbers."""
+    key, _, text = change.partition("=")
+    own = hasattr(law.kind, "more") if "." in key else isinstance(getattr(law.kind, key, None), (int, float))
+    try:
+        value = float(text)
+    except ValueError:
+        own = False
+    if not own:
+        raise InputError(f"law {law.name}", got=f"?{change}", expected="?NUMBER=VALUE, of a number that the class has")
+    body: dict[str, Any] = {key: value} if "." not in key else {"more": {**getattr(law.kind, "more", {}), key: value}}
+    kind = cast("type[Law]", type(law.kind.__name__, (law.kind,), body))
+    return FoundLaw(f"{law.name}?{change}", kind, law.source)
+
+
+def _classes(module: ModuleType) -> Sequence[str]:
+    return [name for name, value in vars(module).items() if inspect.isclass(value) and hasattr(value, "step")] or [""]
+
+
+def _module_of_file(path: Path) -> ModuleType:
+    """Import a file under a name of its own; the same file once."""
+    name = "slip_vic_law_" + hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:12]
+    if name in sys.modules:
+        return sys.modules[name]
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None or not path.is_file():
+        raise FileNotFoundError(f"no file {path}")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[name]
+        raise
+    return module
+
+
+def numbers(what: str, given: object, size: int) -> Array:
+    """Return what a law gave as an array of this size.
+
+    Raises:
+        ValueError: another shape, or numbers that are not finite; one line that says so.
+    """
+    import numpy as np
+
+    try:
+        found = np.array(given, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(f"{what} is {given!r:.60}; expected {size} numbers") from None
+    if found.shape != (size,):
+        raise ValueError(f"{what} has the shape {found.shape}; expected ({size},)")
+    if not np.isfinite(found).all():
+        raise ValueError(f"{what} is not finite: {found.tolist()}")
+    return found

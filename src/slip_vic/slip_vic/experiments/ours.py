@@ -1,0 +1,86 @@
+"""The laws of this suite behind the same door: a controller that gets only what `Seen` and `Setup` hold."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+from slip_core.params import build, flatten
+from slip_core.types import EffortCommand
+from slip_vic.experiments.law import Answer, Effort, Seen, Setup
+from slip_vic.scenarios.scenario import Law as LawName
+from slip_vic_controller.params.node_params import ControllerNodeParams
+from slip_vic_controller.session.controller import Controller
+from slip_vic_controller.session.manifest import Manifest
+from slip_vic_controller.session.session import ControllerSession
+
+
+class Vic:
+    """The paper's law. Its efforts equal those of the control cycle in the suite's own loop to the last bit."""
+
+    needs: ClassVar[frozenset[str]] = frozenset({"wrench", "slip"})
+    several: ClassVar[bool] = True
+    configured: ClassVar[LawName] = "vic"
+    """Which law of `load_scenario` the parameters in `Setup` are for."""
+    more: ClassVar[Mapping[str, Any]] = {}
+    """Further parameters of the controller."""
+    stiffness: ClassVar[float] = 1.0
+    """Factor of the stiffness as configured; damping goes with its square root, so that the damping ratio stays."""
+
+    def reset(self, setup: Setup) -> None:
+        """Make the controller."""
+        params = {name: self._configured(own, f"controller {name}".strip()) for name, own in setup.parameters.items()}
+        self._session = ControllerSession(Controller(params, setup.urdfs, lockstep=True))
+        self._follows = [own.grip.control == "follow" for own in params.values()]
+        self._wrench_counts, self._slip_counts = [0] * len(params), [0] * len(params)
+        self._tick = itertools.count()
+
+    def _configured(self, own: ControllerNodeParams, where: str) -> ControllerNodeParams:
+        changed = dict(self.more)
+        if self.stiffness != 1.0:
+            changed["gains.stiffness"] = [self.stiffness * value for value in own.gains.stiffness]
+            changed["gains.damping"] = [math.sqrt(self.stiffness) * value for value in own.gains.damping]
+        return build(ControllerNodeParams, flatten(own) | changed, where) if changed else own
+
+    def step(self, seen: Seen) -> Answer | tuple[Answer, ...]:
+        """Answer as the controller does."""
+        every, arms = (seen, *seen.others), self._session.arms
+        for k, (arm, one) in enumerate(zip(arms, every, strict=True)):
+            for wrench in one.wrenches:
+                arm.add_wrench(0, wrench)
+            for slip in one.slips:
+                arm.add_slip(0, slip)
+            self._wrench_counts[k] += len(one.wrenches)
+            self._slip_counts[k] += len(one.slips)
+        for arm, one in zip(arms, every, strict=True):
+            arm.add_joint(one.joint)
+        wrenches, slips = tuple(self._wrench_counts), tuple(self._slip_counts)
+        self._session.add_manifest(Manifest(next(self._tick), seen.stamp_ns, wrenches, slips))
+        answers = tuple(
+            Effort(command.effort, result.grip if follows else None)
+            if result is not None and isinstance(command := result.command, EffortCommand) and len(command.effort)
+            else None
+            for result, follows in zip(self._session.cycle(), self._follows, strict=True)
+        )
+        return answers if len(answers) > 1 else answers[0]
+
+
+class Classical(Vic):
+    """Impedance control that reads no slip sensor."""
+
+    configured = "classical"
+
+
+class Governed(Vic):
+    """The paper's law below the reference governor."""
+
+    configured = "governed"
+
+
+class GovernedFollow(Governed):
+    """Governed, and the grip follows the load."""
+
+    needs = frozenset({"wrench", "slip", "grip"})
+    more: ClassVar[Mapping[str, Any]] = {"grip.control": "follow"}

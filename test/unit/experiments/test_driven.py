@@ -1,0 +1,234 @@
+"""A law of one's own: the suite's laws through the same door to the same bits, the limiter, what a law does wrong."""
+
+import re
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import slip_vic
+from slip_core.errors import InputError
+from slip_vic.experiments import driven
+from slip_vic.experiments.driven import Driven
+from slip_vic.experiments.law import find_law
+from slip_vic.scenarios.scenario import Scenario
+from slip_vic_controller.arm.robot import Robot
+
+GAINS_OF_FOUR = {"stiffness": 4.0, "damping": 2.0}
+
+
+def scenario(law: str = "vic", ticks: int = 60, **more: Any) -> Scenario:
+    name = more.pop("name", "paper_planar")
+    return slip_vic.load(name, law=law, set=[f"bridge.duration_s={1e-3 * ticks}", *more.pop("set", [])], **more)
+
+
+def law_of(step: Callable[[Any], Any], **more: Any) -> Any:
+    """Return a law that is one function."""
+    body = {"needs": frozenset({"wrench"}), "reset": lambda self, setup: setattr(self, "setup", setup)} | more
+    return type("Own", (), body | {"step": lambda self, seen: step(seen)})()
+
+
+@pytest.mark.parametrize("law", ["classical", "vic", "governed"])
+def test_the_laws_of_the_suite_give_the_same_bits_through_the_door(law: str) -> None:
+    loaded = scenario(law, 200, sensor="vision_60", drive="torque_joint", seed=3)
+    direct = [tick.effort.tobytes() for tick in loaded.ticks()]
+    through = [tick.effort.tobytes() for tick in Driven(loaded, find_law(law).kind()).ticks()]
+    assert through == direct
+    assert len(set(direct)) > 100
+
+
+def test_two_arms_give_the_same_bits_too() -> None:
+    loaded = scenario("vic", 60, name="pane_two_arms_flat")
+    direct = [[effort.tobytes() for effort in tick.efforts] for tick in loaded.ticks()]
+    through = [[effort.tobytes() for effort in tick.efforts] for tick in Driven(loaded, find_law("vic").kind()).ticks()]
+    assert through == direct
+
+
+def test_a_factor_of_the_stiffness_is_that_of_the_configuration_with_the_damping_ratio_kept() -> None:
+    loaded = scenario("classical", 60, seed=3)
+    own = loaded.controllers[""].gains
+    gains = [f"{name}={[round(f * v, 12) for v in getattr(own, name)]}" for name, f in GAINS_OF_FOUR.items()]
+    stiffer = scenario("classical", 60, seed=3, set=[f"controller.gains.{one}" for one in gains])
+    law = find_law("classical?stiffness=4").kind()
+    through = [tick.effort.tobytes() for tick in Driven(loaded, law).ticks()]
+    assert through == [tick.effort.tobytes() for tick in Driven(stiffer, find_law("classical").kind()).ticks()]
+    assert through != [tick.effort.tobytes() for tick in Driven(loaded, find_law("classical").kind()).ticks()]
+
+
+def test_a_law_sees_nothing_of_the_simulated_world() -> None:
+    """The object is half as heavy in the world as configured, and friction is less: a law gets what is configured."""
+    seen = []
+    own = law_of(lambda one: seen.append(one), needs=frozenset())
+    loaded = scenario(set=["bridge.object.mass=0.25", "bridge.friction.mu_s=0.3", "bridge.friction.mu_k=0.2"], ticks=5)
+    assert len(list(Driven(loaded, own).ticks())) == 5
+    assert own.setup.mass == 0.5
+    assert own.setup.friction_limit == 0.25
+    assert not seen[-1].wrench.any()
+    assert seen[-1].truth is None
+    assert seen[-1].slips == seen[-1].wrenches == ()
+    start, end = own.setup.reference(0.0), own.setup.reference(10.0)
+    np.testing.assert_allclose(end.position - start.position, [0.4, 0.3, 0.0], atol=1e-12)
+    assert own.setup.duration_s == 2.0
+
+
+def test_an_acceleration_of_the_pad_becomes_an_effort_by_the_torque_law() -> None:
+    """Eq. (21) in plain numpy, with the null space at the posture of the first tick."""
+    a, seen = np.array([0.3, -0.2, 0.1, 0.5, 0.4, -0.6]), []
+    loaded = scenario(ticks=10)
+    run = Driven(loaded, law_of(lambda one: seen.append(one) or slip_vic.Pad(a)))
+    efforts = [tick.effort for tick in run.ticks()]
+    one, before = seen[-1], seen[-2]
+    params = loaded.controllers[""]
+    robot = Robot(loaded.placed[""], params.ee_frame, params.joint_names, params.gravity)
+    step = 1e-7
+    ahead, behind = (robot.frame(one.q + sign * step * one.qd)[2] for sign in (1.0, -1.0))
+    jdot_qd = (ahead - behind) @ one.qd / (2.0 * step)
+    Minv = np.linalg.inv(one.M)
+    Lambda = np.linalg.inv(one.J @ Minv @ one.J.T)
+    null = params.nullspace
+    tau_0 = null.stiffness * (seen[0].q - one.q) - null.damping * one.qd
+    N = np.eye(7) - Minv @ one.J.T @ Lambda @ one.J
+    h = np.kron(np.eye(2), one.rotation) @ one.wrench
+    tau = one.J.T @ (Lambda @ (a - jdot_qd) - h) + one.bias + N.T @ tau_0
+    np.testing.assert_allclose(efforts[-1], tau, atol=1e-6)
+    assert one.time - before.time == pytest.approx(1e-3, rel=1e-9)
+
+
+def test_the_limiter_is_the_last_whatever_a_law_wants() -> None:
+    wild = iter(np.random.default_rng(5).choice([-1e9, 1e9], size=(200, 7)))
+    loaded = scenario(ticks=100)
+    efforts = np.array([tick.effort for tick in Driven(loaded, law_of(lambda _: slip_vic.Effort(next(wild)))).ticks()])
+    params = loaded.controllers[""]
+    limit = Robot(loaded.placed[""], params.ee_frame, params.joint_names, params.gravity).effort_limit
+    assert (np.abs(efforts) <= limit).all()
+    assert np.abs(np.diff(efforts, axis=0)).max() <= params.safety.limits.effort_rate * 1e-3 * (1.0 + 1e-12)
+
+
+def circling(seen: Any) -> Any:
+    """Return velocities with which the joints turn to and fro."""
+    return 0.2 * np.sin(2.0 * np.pi * 2.0 * seen.time) * np.ones(7)
+
+
+@pytest.mark.parametrize("drive", ["ideal", "velocity_500", "position_250"])
+def test_joint_velocities_are_followed_by_drives_of_every_kind(drive: str) -> None:
+    """The lag of a loop of rate k behind a sine of w rad/s, and the dead time of the preset, bound the error."""
+    seen: list[Any] = []
+    loaded = scenario("classical", 500, drive=drive)
+    run = Driven(loaded, law_of(lambda one: seen.append(one) or slip_vic.Velocity(circling(one))))
+    truth = np.array([tick.outputs.arms[0].readings.joint.velocity for tick in run.ticks()])
+    assert run.failure == ""
+    wanted = np.array([circling(one) for one in seen])
+    w, settled = 2.0 * np.pi * 2.0, slice(200, None)
+    rate, dead = {"ideal": (50.0, 0.001), "velocity_500": (100.0, 0.004), "position_250": (60.0, 0.008)}[drive]
+    lag = np.arctan(w / rate) / w + dead
+    late = round(1e3 * lag)
+    behind = np.roll(wanted, late, axis=0)[settled] / np.hypot(1.0, w / rate)
+    assert np.abs(truth[settled] - behind).max() < 0.02
+    assert np.abs(truth[settled]).max() > 0.15
+
+
+@pytest.mark.parametrize("drive", ["velocity_500", "position_250"])
+def test_a_law_of_accelerations_follows_its_path_on_drives_with_loops_of_their_own(drive: str) -> None:
+    errors: list[Any] = []
+
+    def step(seen: Any) -> Any:
+        wanted = own.setup.reference(seen.time)
+        turn = 0.5 * np.cross(seen.rotation, wanted.rotation, axis=0).sum(axis=1)
+        error = np.concatenate((wanted.position - seen.position, turn))
+        errors.append((np.linalg.norm(error), np.linalg.norm(wanted.twist[:3])))
+        return slip_vic.Pad(wanted.acceleration + 100.0 * error + 20.0 * (wanted.twist - seen.twist))
+
+    own = law_of(step)
+    run = Driven(scenario("classical", 600, drive=drive, set=["controller.trajectory.duration_s=4.0"]), own)
+    assert len(list(run.ticks())) == 600
+    off, speed = np.max(errors, axis=0)
+    assert off < 1e-3  # m, rad
+    assert speed > 0.05
+
+
+@pytest.mark.parametrize("drive", ["velocity_500", "position_250"])
+def test_wild_velocities_stay_inside_the_limits_of_the_motion(drive: str) -> None:
+    wild = iter(np.random.default_rng(6).choice([-1e9, 1e9, 0.3], size=(300, 7)))
+    loaded = scenario("classical", 200, drive=drive)
+    run = Driven(loaded, law_of(lambda _: slip_vic.Velocity(next(wild))))
+    commands = np.array([tick.commands[0].numbers for tick in run.ticks()])
+    velocity = commands if drive == "velocity_500" else np.diff(commands, axis=0) / 1e-3
+    config = run._arms[0].config.command
+    assert (np.abs(velocity) <= config.velocity[:7] * (1.0 + 1e-9)).all()
+    assert (np.abs(np.diff(velocity, axis=0)) <= config.acceleration[:7] * 1.01e-3 + 1e-9).all()
+
+
+def test_efforts_are_no_answer_for_drives_that_take_none() -> None:
+    run = Driven(scenario(ticks=5, drive="velocity_500"), law_of(lambda one: slip_vic.Effort(one.bias)))
+    assert list(run.ticks()) == []
+    assert "the drives take no efforts; expected Pad, Velocity or None" in run.failure
+
+
+def test_a_grip_is_limited_by_the_track_and_by_the_gripper() -> None:
+    def squeezed(most: float | None) -> float:
+        run = Driven(scenario(ticks=3), law_of(lambda one: slip_vic.Effort(one.bias, grip=1e3)), most)
+        assert len(list(run.ticks())) == 3
+        return max(run.grips)
+
+    assert (squeezed(0.5), squeezed(None)) == (0.5, 10.0)
+
+
+def raises(_: Any) -> None:
+    raise RuntimeError("no\nidea")
+
+
+@pytest.mark.parametrize(
+    ("step", "message"),
+    [
+        (raises, "step raises RuntimeError: no idea"),
+        (lambda _: slip_vic.Pad(np.full(6, np.nan)), "Pad.acceleration is not finite"),
+        (lambda _: slip_vic.Pad(np.zeros(3)), r"Pad.acceleration has the shape \(3,\); expected \(6,\)"),
+        (lambda _: slip_vic.Effort(np.zeros(6)), r"Effort.effort has the shape \(6,\); expected \(7,\)"),
+        (lambda _: slip_vic.Velocity(np.zeros(2)), r"Velocity.velocity has the shape \(2,\); expected \(7,\)"),
+        (lambda _: slip_vic.Effort("much"), "Effort.effort is 'much'; expected 7 numbers"),
+        (lambda _: slip_vic.Effort(np.zeros(7), grip=-1.0), "grip is -1 N; expected 0 or more"),
+        (lambda _: np.zeros(7), "step returns ndarray; expected Pad, Effort, Velocity or None"),
+        (lambda _: time.sleep(60.0), "step takes longer than 0.05 s"),
+    ],
+)
+def test_what_a_law_does_wrong_ends_its_run_with_one_line(step: Any, message: str) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(driven, "LONGEST_STEP_S", 0.05)
+        run = Driven(scenario(ticks=5), law_of(step))
+        assert list(run.ticks()) == []
+        assert "\n" not in run.failure
+        assert re.search(message, run.failure), run.failure
+        with pytest.raises(InputError, match="law Own"):
+            scenario(ticks=5).run(law=law_of(step))
+
+
+def test_laws_are_found_by_file_and_by_module(tmp_path: Path) -> None:
+    file = tmp_path / "mine.py"
+    file.write_text(
+        "class Mine:\n    needs = frozenset()\n    def reset(self, setup): ...\n    def step(self, s): ...\n"
+    )
+    found = find_law(f"{file}:Mine")
+    assert (found.label, found.several, found.oracle) == ("Mine", False, False)
+    assert find_law("slip_vic.experiments.ours:Vic").kind is find_law("vic").kind
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("governd", "", "did you mean governed"),
+        ("no_such_module:Law", "", "No module named 'no_such_module'"),
+        ("FILE:Mine", "1/0", "ZeroDivisionError"),
+        ("FILE:Mine", "class Min:\n    def step(self, s): ...", "did you mean Min"),
+        ("FILE:Mine", "class Mine:\n    def step(self, s): ...", r"no reset\(\)"),
+        ("FILE:Mine", "class Mine:\n    def reset(self, s): ...\n    step = reset", "needs: got None"),
+        ("missing.py:Mine", "", "no file missing.py"),
+    ],
+)
+def test_what_is_no_law_is_refused_with_one_line(tmp_path_factory: Any, name: str, text: str, message: str) -> None:
+    file = tmp_path_factory.mktemp("law") / "mine.py"
+    file.write_text(text)
+    with pytest.raises(InputError, match=message):
+        find_law(name.replace("FILE", str(file)))

@@ -1,0 +1,100 @@
+"""Worlds under laws: what a mismatch changes, what every run becomes, and what a foreign law does wrong."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from slip_core.errors import InputError
+from slip_vic.experiments.run import METRICS, TIMED, check_law, own_law, run
+from slip_vic.experiments.world import MISMATCHES, World, combined
+
+SHORT = ("bridge.duration_s=0.05",)
+
+
+def worlds(mismatches: tuple[str, ...] = ("none",), sensor: str = "event_1000") -> list[World]:
+    return combined(("paper_planar",), (sensor,), mismatches, range(1), {"": ()}, SHORT)
+
+
+def test_every_combination_once() -> None:
+    drives = {"": (), "stiff": ("bridge.drive.gain=1.0",)}
+    made = combined(("paper_planar",), ("ideal", "vision_25"), ("none", "mass+"), range(3), drives, SHORT)
+    assert len(made) == len(set(made)) == 24
+    assert [world.seed for world in made[::8]] == [0, 1, 2]
+    with pytest.raises(InputError, match=r"mass\+"):
+        combined(("paper_planar",), ("ideal",), ("mass",), range(1), {"": ()})
+
+
+@pytest.mark.parametrize("mismatch", MISMATCHES)
+def test_a_mismatch_changes_the_world_alone(mismatch: str) -> None:
+    plain, wrong = worlds()[0].load("vic"), worlds((mismatch,))[0].load("vic")
+    assert wrong.controller == plain.controller
+    assert (wrong.bridge == plain.bridge) == (mismatch == "none")
+
+
+def test_a_sensor_reaches_both_nodes() -> None:
+    scenario = worlds(sensor="optical_flow_120")[0].load("vic", "observer")
+    assert scenario.bridge.sensors.slip.rate_hz == scenario.controller.slip_sensor.rate_hz == 120.0
+    assert scenario.controller.slip_estimator == "observer"
+
+
+def test_a_run_has_all_its_numbers() -> None:
+    good = run(worlds()[0], "vic")
+    assert good.outcome == "ok"
+    assert all(math.isfinite(good.metrics[name]) for name in METRICS if name not in (*TIMED, "arrival_s"))
+    assert math.isnan(good.metrics["arrival_s"])  # the path is not over
+
+
+@pytest.mark.parametrize(
+    ("law", "settings", "outcome", "reason"),
+    [
+        ("vic?slip_estimator=measured", ("controller.gains.k_s_mode=fixed",), "refused", "k_s"),
+        ("vic", ("bridge.duration_s=nonsense",), "refused", "duration_s"),
+        ("vic", ("bridge.gravity=[0.0, 0.0, -1e6]", "bridge.grip.pad_size=[1e3, 1e3]"), "lost", "simulation diverged"),
+        ("classical", ("controller.tare.duration_s=1.0",), "held", "the law never began: "),
+        ("shared", (), "refused", "one arm"),
+        ("nowhere.py:Law", (), "refused", "no file nowhere.py"),
+    ],
+)
+def test_what_goes_wrong_is_a_row(law: str, settings: tuple[str, ...], outcome: str, reason: str) -> None:
+    world = World("paper_planar", "event_1000", settings=(*SHORT, *settings))
+    result = run(world, law)
+    assert result.outcome == outcome, result.reason
+    assert reason in result.reason
+
+
+def test_laws_of_the_controller_by_name() -> None:
+    assert own_law("vic?gains.k_s=9.0", 1) is not None
+    assert own_law("vic?gains.k_s=9.0", 1).more == ("controller.gains.k_s=9.0",)  # type: ignore[union-attr]
+    assert own_law("printed", 1).law == "vic"  # type: ignore[union-attr]
+    assert own_law("printed", 2).law == "printed"  # type: ignore[union-attr]
+    assert own_law("fixed_grip", 1) is None
+    with pytest.raises(InputError, match="governd"):
+        check_law("governd")
+
+
+def test_a_foreign_law_runs_in_the_same_worlds(tmp_path: Path) -> None:
+    file = tmp_path / "own.py"
+    file.write_text(
+        "class Still:\n    needs = frozenset()\n    def reset(self, setup): ...\n    def step(self, seen): ...\n"
+        "class Raises(Still):\n    def step(self, seen): 1 / 0\n"
+        "class NotMade(Still):\n    def __init__(self): raise KeyError('no')\n"
+    )
+    still = run(worlds()[0], f"{file}:Still")
+    assert still.outcome == "ok"
+    assert still.metrics["step_p99_s"] > 0.0
+    wrong = run(worlds()[0], f"{file}:Raises")
+    assert (wrong.outcome, wrong.reason) == ("failed", "0.000 s: step raises ZeroDivisionError: division by zero")
+    assert run(worlds()[0], f"{file}:NotMade")[2:4] == ("failed", "KeyError: 'no'")
+
+
+def test_the_same_law_has_the_same_bits_on_a_track() -> None:
+    """Behind the interface for foreign laws and as the controller."""
+    (world,) = worlds()
+    direct, through = run(world, "vic"), run(replace(world, track="capped"), "vic")
+    same = ("slip_linear_m", "slip_path_m", "effort_rate_rms_n_m_s", "squeeze_mean_n")
+    np.testing.assert_array_equal([direct.metrics[name] for name in same], [through.metrics[name] for name in same])
