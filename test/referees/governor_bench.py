@@ -24,6 +24,20 @@ PAPER_PLANAR = SimpleNamespace(
 """The object of `paper_planar` on pad axes, which are turned by half a turn about the normal."""
 
 
+def scene(mass, inertia, r, force, radius, gravity, way, duration):
+    """Return an object that a pad carries in a plane, and the way and the time of its path."""
+    return SimpleNamespace(
+        mass=mass, inertia=inertia * np.eye(3), r=np.array([*r, 0.0]), radius=radius, force=force,
+        gravity=np.array([*gravity, 0.0]), axes=np.array([1.0, 1, 0, 0, 0, 1]),
+        way=np.array([way[0], way[1], 0, 0, 0, way[2]], float), duration=duration,
+    )  # fmt: skip
+
+
+PAPER = scene(0.5, 2e-3, (0.02, 0), 0.25, 0.03, (0, 0), (0.4, 0.3, 0.8), 2.0)
+VERTICAL = scene(0.2, 3e-4, (0, 0.02), 2.308, 0.015, (0, -9.81), (0.3, 0.15, 0.4), 0.8)
+"""`paper_planar` and `vertical_plane`."""
+
+
 def configuration(case, **changes):
     """Return a GOVERNOR_CONFIG buffer of a case with the defaults of the page."""
     buffer = new(GOVERNOR_CONFIG)

@@ -77,22 +77,6 @@ def test_ungoverned_goal_is_quintic() -> None:
         assert abs(result.scalars()["goal_progress"] - x) < 1e-9
 
 
-def test_newer_goal_keeps_motion() -> None:
-    made_up = at_work("off")
-    give(made_up, np.array([0.0, 0.004, 0.0]), 40)
-    made_up.run(20, slip=np.zeros(6))
-    give(made_up, np.array([0.0, 0.0, 0.003]), 30)
-    references = [made_up.cycle(slip=np.zeros(6)).record.reference for _ in range(31)]
-    positions = np.array([reference.position for reference in references])
-    twists = np.array([reference.twist[:3] for reference in references])
-    assert twists[0, 1] > 0.1, "it is begun in motion"
-    steps = np.diff(positions, axis=0) - 0.5e-3 * (twists[1:] + twists[:-1])
-    assert np.abs(steps).max() < 1e-6, "what the trapezoid leaves: dt^3 jerk / 12"
-    assert made_up.session.task.goal.phase == GoalPhase.REACHED
-    assert made_up.session.task.goal.number == 2
-    np.testing.assert_allclose(twists[-1], 0.0, atol=ROUNDING)
-
-
 def test_governed_goal_progress() -> None:
     made_up = at_work("slow_down")
     config, task = record(made_up.controller.config, CONFIG), made_up.session.task

@@ -47,14 +47,6 @@ def test_rates_are_derivatives() -> None:
             np.testing.assert_allclose(now.acceleration, a, atol=1e-3)  # jerk steps by up to 60 at the ends, times h
 
 
-def test_acceleration_is_continuous() -> None:
-    for kind in KINDS:
-        params, at = path_of(kind)
-        times = np.arange(-0.01, params.duration_s + 0.01, 1e-3)
-        accelerations = np.array([at(t).acceleration for t in times])
-        assert np.abs(np.diff(accelerations, axis=0)).max() < 0.1
-
-
 def test_motion_rests_at_both_ends() -> None:
     for kind in KINDS:
         params, at = path_of(kind)

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from slip_core.records import new, record
-from slip_vic_controller.governor.plan import GRID_POINT, admissible, edge, larger_root, most, on_line, path_time
-from test.referees.governor_bench import PAPER_PLANAR, Governing, Governor
+from slip_vic_controller.governor.plan import GRID_POINT, admissible, larger_root, most, path_time
+from test.referees.governor_bench import PAPER, PAPER_PLANAR, VERTICAL, Governing, Governor
 from test.referees.governor_paths import BentPath
-from test.referees.planar_governed import PAPER, VERTICAL
 from test.support.call import call
 
 SOLVER = 1e-3
@@ -134,26 +133,6 @@ def a_point(rng):
     )  # fmt: skip
     point.cap = 1e6
     return point, l_u, l_x, l_c
-
-
-def test_ellipse_ends_at_limit() -> None:
-    rng = np.random.default_rng(SEED)
-    for _ in range(40):
-        point, l_u, l_x, l_c = a_point(rng)
-        twice, after = 10.0 ** rng.uniform((-2.0, -2.0), (1.0, 0.5))
-
-        def load(x, twice=twice, after=after, l_u=l_u, l_x=l_x, l_c=l_c):
-            return np.linalg.norm(l_u * (after - x) / twice + l_x * x + l_c)
-
-        x = on_line(point, 1.0, twice, after)
-        least = -((l_u * after / twice + l_c) @ (l_x - l_u / twice)) / np.sum((l_x - l_u / twice) ** 2)
-        if load(least) < 1.0:  # the line meets the ellipse
-            assert load(x) == pytest.approx(1.0, rel=1e-9)
-            assert x >= least, "the larger of two"
-        across = np.eye(3) - np.outer(l_u, l_u) / (l_u @ l_u)  # what the best u leaves of a load
-        x = edge(point, 1.0)
-        assert np.linalg.norm(across @ (l_x * x + l_c)) == pytest.approx(1.0, rel=1e-7)
-        assert x >= 0.0
 
 
 def test_bound_is_largest_admissible() -> None:
