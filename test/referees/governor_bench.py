@@ -9,8 +9,8 @@ import numpy as np
 from slip_core.compiled import BOOL, IN1, IN2, INT, OUT1, REAL, VOID, kernel, part
 from slip_core.records import Mat3, Real, Record, Vec3, dtype_of, new, record
 from slip_core.vectors import ZERO, Spatial, Vec, mat, put_spatial, spatial, vec
+from slip_vic_controller.contact.friction_estimate import Friction, slip_sample
 from slip_vic_controller.governor import governor as g
-from slip_vic_controller.governor.friction_estimate import Friction, slip_sample
 from slip_vic_controller.governor.guard import hold_back
 from slip_vic_controller.governor.layouts import GOVERNOR, GOVERNOR_CONFIG, PAD
 from slip_vic_controller.governor.load import ALONE, Held, load, size, surface

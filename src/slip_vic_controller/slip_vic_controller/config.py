@@ -19,8 +19,8 @@ from slip_vic_controller.arm.plausibility import BLIND_S
 from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.arm.tare import MOST_VELOCITY_BIAS, STILL, TareConfig
 from slip_vic_controller.contact.config import observer_config, witnesses
+from slip_vic_controller.contact.friction_estimate import Friction
 from slip_vic_controller.contact.layouts import OBSERVER_CONFIG
-from slip_vic_controller.governor.friction_estimate import Friction
 from slip_vic_controller.governor.grip import GripConfig
 from slip_vic_controller.governor.layouts import MAX_WINDOW, GovernorConfig
 from slip_vic_controller.governor.plan import Governing

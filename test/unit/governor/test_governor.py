@@ -7,8 +7,8 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
+from slip_vic_controller.contact.friction_estimate import provisional
 from slip_vic_controller.governor import governor
-from slip_vic_controller.governor.friction_estimate import provisional
 from slip_vic_controller.governor.guard import BRAKES
 from slip_vic_controller.governor.plan import path_time
 from slip_vic_controller.governor.step import OVER, Limit

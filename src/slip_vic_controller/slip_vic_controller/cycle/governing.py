@@ -8,8 +8,7 @@ from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.records import Records
 from slip_core.vectors import ZERO, Mat, Spatial, Vec, mat, spatial, vec
-from slip_vic_controller.governor import governor
-from slip_vic_controller.governor.friction_estimate import (
+from slip_vic_controller.contact.friction_estimate import (
     end_slip,
     provisional,
     slip_sample,
@@ -17,6 +16,7 @@ from slip_vic_controller.governor.friction_estimate import (
     take_weakest,
     weaker,
 )
+from slip_vic_controller.governor import governor
 from slip_vic_controller.governor.grip import follow_load, load_ahead
 from slip_vic_controller.governor.guard import hold_back, missing_load
 from slip_vic_controller.governor.layouts import GovernedPad, Governor, GovernorConfig

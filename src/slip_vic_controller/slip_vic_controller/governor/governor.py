@@ -15,7 +15,7 @@ from typing import Final
 
 from slip_core.compiled import part
 from slip_core.vectors import NOTHING, Mat, Spatial, Vec, put_spatial, spatial, vec
-from slip_vic_controller.governor.friction_estimate import (
+from slip_vic_controller.contact.friction_estimate import (
     allowed,
     certain,
     certify,

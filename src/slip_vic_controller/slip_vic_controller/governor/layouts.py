@@ -6,7 +6,7 @@ from typing import Annotated, Final
 
 from slip_core.arrays import Array
 from slip_core.records import Real, Record, Vec3, Vec6, Whole, dtype_of
-from slip_vic_controller.governor.friction_estimate import Estimate, EstimateConfig, LoadHistory
+from slip_vic_controller.contact.friction_estimate import Estimate, EstimateConfig, LoadHistory
 
 MAX_WINDOW: Final = 64
 """Largest number of cycles of the moving average."""

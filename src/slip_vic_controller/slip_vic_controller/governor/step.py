@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 
 from slip_core.compiled import part
 from slip_core.vectors import Mat, Spatial, Vec, spatial, vec
-from slip_vic_controller.governor.friction_estimate import Friction, provisional
+from slip_vic_controller.contact.friction_estimate import Friction, provisional
 from slip_vic_controller.governor.layouts import Governor, GovernorConfig
 from slip_vic_controller.governor.load import Held, drawn, size, surface, turning, weight
 from slip_vic_controller.governor.plan import MOST_U, Along, Governing, left_for_motion, range_of_u

@@ -7,7 +7,7 @@ import pytest
 
 from slip_core.records import new, record
 from slip_core.vectors import ZERO, Spatial, Vec
-from slip_vic_controller.governor.friction_estimate import (
+from slip_vic_controller.contact.friction_estimate import (
     ESTIMATE,
     ESTIMATE_CONFIG,
     GIVES_M,
