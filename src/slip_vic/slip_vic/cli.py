@@ -20,6 +20,7 @@ from slip_msgs_py.stop_flag import ending
 from slip_vic import __version__
 from slip_vic.experiments.cli import benchmark, check, merge, study, tune
 from slip_vic.options import ALLOW_FAULT, DOMAIN_ID, IN_PROCESS, SCENARIOS, Choice, choosing, end_with, out_option
+from slip_vic.page import require_page
 from slip_vic.page.cli import report, watch
 from slip_vic.replay.cli import verify
 from slip_vic.retime.cli import retime
@@ -73,6 +74,8 @@ def run(
 
     Exit code 1 where the controller gave up, the object was lost, the path could not be followed or the arm saturated.
     """
+    if page is not None:
+        require_page()
     loaded, law = choice.load(), choice.law
 
     from rich.console import Console
@@ -178,6 +181,7 @@ def demo(*, choice: Choice, out: Path, in_process: bool, domain_id: int | None, 
     """Compare classical, variable and governed impedance on one scenario: table, report.html, summary.json, bags."""
     from slip_msgs_py.environment import check_ros
 
+    require_page()
     if not in_process:
         check_ros()
     choice.load()  # a typo ends here

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from slip_core.errors import InputError
 from slip_description import urdf_text
-from slip_vic.page import scripts
+from slip_vic.page import require_page, scripts
 from slip_vic.page.packing import Packer, compressed, unpack
 from slip_vic.page.page import make_page, write_page
 from slip_vic.page.plots import plot_series
@@ -42,6 +42,12 @@ def test_scripts_are_found_with_their_licences() -> None:
     assert "WebGLRenderer" in three
     assert "var uPlot" in uplot
     assert ".u-over" in style
+
+
+def test_a_missing_extra_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
+    with pytest.raises(InputError, match=r"^the page needs trimesh: pip install 'slip-vic\[page\]'$"):
+        require_page()
 
 
 def test_a_wheel_without_the_script_is_one_line(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

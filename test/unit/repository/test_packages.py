@@ -34,20 +34,18 @@ LIBRARIES = {
     "pydantic": ("pydantic", "python3-pydantic"),
     "rich": ("rich", "python3-rich"),
     "scipy": ("scipy", "python3-scipy"),
-    "trimesh": ("trimesh", "python3-trimesh-pip"),
-    "websockets": ("websockets", "python3-websockets"),
     "xacro": ("xacro", "xacro"),
     "yaml": ("pyyaml", "python3-yaml"),
     "zstandard": ("zstandard", None),
 }
 # Of an extra alone: the command that needs one of these says how to install it.
-EXTRAS = {"optuna"}
+EXTRAS = {"optuna", "trimesh", "websockets"}
 # Keys that rosdep resolves on Ubuntu 24.04: rosdep/*.yaml and jazzy/distribution.yaml of github.com/ros/rosdistro at
 # 8468e88ccd523427f9131e39d2af0938f1c298b2 (2026-08-22). Look a key up there before adding it.
 ROSDEP = {
     "mcap-ros2-support", "python3-click", "python3-matplotlib", "python3-mujoco-pip", "python3-numba",
     "python3-numpy", "python3-pandas", "python3-psutil", "python3-pydantic", "python3-pytest", "python3-rich",
-    "python3-scipy", "python3-trimesh-pip", "python3-websockets", "python3-yaml",
+    "python3-scipy", "python3-yaml",
 }  # fmt: skip
 JAZZY = {
     "ament_index_python", "builtin_interfaces", "diagnostic_msgs", "geometry_msgs",

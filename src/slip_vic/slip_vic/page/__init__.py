@@ -10,3 +10,15 @@ live.py      `slip-vic watch`: the same from topics
 cli.py       `slip-vic report`, `slip-vic watch`
 static/      the page itself: HTML, style, script
 """
+
+from slip_core.errors import require_extra
+
+
+def require_page() -> None:
+    """Check that the extra `page` is installed.
+
+    Raises:
+        InputError: a package of it is missing.
+    """
+    for package in ("trimesh", "uplot", "websockets"):
+        require_extra(package, "the page", "page")

@@ -13,6 +13,7 @@ import click
 
 from slip_core.errors import InputError
 from slip_vic.options import out_option
+from slip_vic.page import require_page
 
 LOOK_S = 1.0
 """How often `watch` looks for another run."""
@@ -24,6 +25,7 @@ LOOK_S = 1.0
 @click.option("--title", default="", help="default: the scenario")
 def report(bags: tuple[Path, ...], out: Path, title: str) -> None:
     """Write one self-contained web page of recorded runs: 3D replay, linked plots, table."""
+    require_page()
     from slip_vic.page.page import write_page
 
     labels = [path.name if path.is_dir() else path.stem for path in bags]
@@ -53,6 +55,7 @@ def watch(namespace: str, domain_id: int | None, host: str, port: int, rate: flo
     from slip_msgs_py.environment import check_ros
 
     check_ros()
+    require_page()
     from slip_bags.ros_node import ros_node
     from slip_msgs_py.stop_flag import StopFlag
     from slip_vic.page.audience import Audience

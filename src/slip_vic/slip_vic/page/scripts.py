@@ -1,4 +1,4 @@
-"""The page's libraries: three.js out of trimesh's wheel, and uPlot, which stands beside the page's own scripts."""
+"""The page's libraries: three.js in the wheel of trimesh, uPlot in that of uplot-python, which is not imported."""
 
 from __future__ import annotations
 
@@ -13,21 +13,19 @@ from slip_core.errors import InputError
 
 STATIC: Final = importlib.resources.files(__package__) / "static"
 _VIEWER: Final = ("trimesh", "resources/templates/viewer.zip", "viewer.html.template")
+_UPLOT: Final = ("uplot", "static/uPlot.iife.js", "static/uPlot.min.css")
 _THREE: Final = re.compile(r"/\*\*\s+\* @license\s+\* Copyright [\d-]+ Three\.js Authors[^/]*\*/\n!function[^\n]+")
 """Licence and module, which is one line; viewer, loader and controls of trimesh's own page follow it."""
 
 
 def three() -> str:
-    """Return three.js as a script that defines `THREE`; trimesh is not imported.
+    """Return three.js as a script that defines `THREE`.
 
     Raises:
-        InputError: where the package is absent, or no longer holds it.
+        InputError: the package is absent, or its version does not hold it.
     """
     package, archive, member = _VIEWER
-    spec = importlib.util.find_spec(package)
-    if spec is None or spec.origin is None:
-        raise InputError(f"package {package}", got="not installed", expected="the packages of requirements.lock")
-    path = Path(spec.origin).parent / archive
+    path = _folder(package) / archive
     try:
         with zipfile.ZipFile(path) as opened:
             found = _THREE.search(opened.read(member).decode("utf-8"))
@@ -39,13 +37,29 @@ def three() -> str:
 
 
 def uplot() -> tuple[str, str]:
-    """Return uPlot's script, which defines `uPlot`, and its style."""
-    return read_static("uPlot.iife.min.js"), read_static("uPlot.min.css")
+    """Return uPlot's script, which defines `uPlot`, and its style.
+
+    Raises:
+        InputError: the package is absent, or its version does not hold them.
+    """
+    package, *files = _UPLOT
+    try:
+        script, style = ((_folder(package) / file).read_text(encoding="utf-8") for file in files)
+    except OSError as error:
+        raise _other_version("uplot-python", str(error)) from None
+    return script, style
 
 
 def read_static(name: str) -> str:
     """Return the text of a file beside the page."""
     return (STATIC / name).read_text(encoding="utf-8")
+
+
+def _folder(package: str) -> Path:
+    spec = importlib.util.find_spec(package)
+    assert spec is not None
+    assert spec.origin is not None
+    return Path(spec.origin).parent
 
 
 def _other_version(package: str, got: str) -> InputError:

@@ -124,6 +124,9 @@ class Run:
         Raises:
             InputError: a file that cannot be written.
         """
+        from slip_vic.page import require_page
+
+        require_page()
         from slip_vic.page.page import write_runs
 
         write_runs(Path(path), {self.scenario.law: self}, command="slip_vic.Run.page", title=self.scenario.name)
