@@ -1,4 +1,4 @@
-"""The observer that runs, with its buffers; imports nothing of `test`, so that it runs by itself too, interpreted."""
+"""The observer with its buffers, and a pad over an object."""
 
 from __future__ import annotations
 
@@ -91,3 +91,27 @@ def make_motion(v_ee, follow=None, force=None, drag=(0.0, 0.0, 0.0), w_o=(0.0, 0
     motion["follow"] = 0.0 if follow is None else follow
     motion["force"] = motion["follow"] if force is None else force
     return buffer
+
+
+class Bench:
+    """A pad that accelerates by given steps over an object whose acceleration the wrench reports.
+
+    Args:
+        values: parameters, with __ for dots.
+    """
+
+    def __init__(self, **values) -> None:
+        self.observer = Observer(make_params(**values))
+        self.config, self.state = self.observer.config, self.observer.state
+        self.twist, self.tick = np.zeros(6), 0
+
+    def step(self, acceleration, follow=None, samples=(), drag=(0.0, 0.0, 0.0)):
+        """Do a tick of 1 ms; return the state."""
+        self.tick += 1
+        self.twist = self.twist + 1e-3 * acceleration
+        return self.move(make_motion(self.twist, follow, drag=drag), self.tick * MS, samples)
+
+    def move(self, motion: np.ndarray, stamp_ns: int, samples=()):
+        """Do a tick of any motion; return the state."""
+        assert self.observer.observe(motion, stamp_ns, samples)
+        return self.state

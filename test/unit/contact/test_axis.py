@@ -74,7 +74,7 @@ def test_dead_band_correction_is_the_posterior(v: float, band: float) -> None:
     assert_same(got, *referee.correct_within(*matrices(x), band, R))
 
 
-def test_far_outside_the_band_its_edge_counts() -> None:
+def test_far_outside_band_edge_counts() -> None:
     x = Axis(0.5, 0.0, 0.0, 1e-6, 0.0, 0.0, 1e-4, 0.0, 1e-4)
     assert correct_within(x, 5e-3, 1e-6) == correct(x, 5e-3, 1e-6)
 
@@ -106,6 +106,6 @@ def test_record_holds_the_numbers() -> None:
         (0.02, 0.0, 0.05, False),
     ],
 )
-def test_contradiction_starts_at_the_edge_of_the_dead_band(v: float, z: float, band: float, expected: bool) -> None:
+def test_contradiction_starts_beyond_dead_band(v: float, z: float, band: float, expected: bool) -> None:
     """Beyond three of the common deviations of 0.02; a reading of zero with a band is anything within it."""
     assert contradicts(START._replace(v=v), z, 3e-4, 3.0, band) == expected

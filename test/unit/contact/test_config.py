@@ -79,7 +79,7 @@ def test_times_become_whole_ticks() -> None:
     assert config_of(observer__window_s=1e-4).window_ticks == 1
 
 
-def test_noisy_velocities_confirm_bias_and_gain_together() -> None:
+def test_noisy_velocities_confirm_jointly() -> None:
     """Of b and c apart little is known at a steady force; their sum b + c f may be known well."""
     config, state, row = config_of(), record(new(OBSERVER), OBSERVER), record(new(ROW), ROW)
     row.dt, row.force[:] = 1e-3, 2.0

@@ -7,16 +7,13 @@ import itertools
 import numpy as np
 import pytest
 
-from slip_vic.presets import preset_names
-from slip_vic.presets.models import load_sensor
 from slip_vic_controller.contact.config import SPARE_ROWS, capacity
 from slip_vic_controller.contact.history import append
 from slip_vic_controller.contact.layouts import ROW, SAMPLE_ROW, TICK_ROW
 from slip_vic_controller.contact.slip import LASTING, contradicted_since
 from test.support.call import call
-from test.unit.contact.bench import Bench
 from test.unit.contact.ride import SENSOR
-from test.unit.contact.rig import MS, Observer, make_motion, make_params, six
+from test.unit.contact.rig import MS, Bench, Observer, make_motion, make_params, six
 
 
 def sliding_observer(rows: int | None = None, **values) -> tuple[Observer, int]:
@@ -103,24 +100,6 @@ def test_a_long_slip_keeps_only_the_memory() -> None:
         assert stamps[0] == max(now_ns - 100 * MS, 62 * MS)  # the window of the onset, 40 ticks up to 101 ms
         assert np.all(np.diff(stamps) == MS)
     assert observer.state.sliding
-
-
-def test_every_sensor_preset_fits() -> None:
-    for name in preset_names("sensors"):
-        slip = load_sensor(name).slip
-        observer, start_ns = sliding_observer(slip_sensor__rate_hz=slip.rate_hz, slip_sensor__latency_s=slip.latency_s)
-        period_ns, latency_ns = round(1e9 / (slip.rate_hz or 1000.0)), round(1e9 * slip.latency_s)
-        measured_ns = start_ns
-        for k in range(1, 700):
-            stamp_ns, samples = start_ns + k * MS, []
-            while measured_ns + latency_ns <= stamp_ns:
-                samples.append((measured_ns, six(x=0.02)))
-                measured_ns += period_ns
-            assert observer.observe(make_motion(six(x=0.02)), stamp_ns, samples)
-        rows = ordered_rows(observer)
-        assert rows["stamp_ns"][0] == stamp_ns - observer.config.memory_ns, name
-        assert observer.state.late == 0
-        assert len(rows) <= len(observer.history) - SPARE_ROWS, name
 
 
 def test_capacity_follows_the_parameters() -> None:

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from slip_vic_controller.law.contact import SLIP_SAMPLE
-from test.unit.contact.bench import Bench
 from test.unit.contact.ride import SENSOR, SLIDE, Ride
-from test.unit.contact.rig import MS, Observer, make_motion, make_params, six
+from test.unit.contact.rig import MS, Bench, Observer, make_motion, make_params, six
 
 SHAKY = {"slip_sensor__noise_linear": 2e-3, "slip_sensor__noise_angular": 0.05, "observer__drag_spread": 0.0}
 
@@ -26,7 +25,7 @@ def sliding_bench(**values) -> Bench:
     return bench
 
 
-def test_the_model_alone_gives_the_slip_velocity() -> None:
+def test_model_alone_gives_slip_velocity() -> None:
     bench = Bench(observer__drag_spread=0.0)
     for _ in range(100):
         bench.step(six(x=0.3, turn=0.5), follow=six(x=0.3, turn=0.5))  # stick: the object goes along
@@ -41,7 +40,7 @@ def test_the_model_alone_gives_the_slip_velocity() -> None:
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_late_samples_give_the_bits_of_timely_ones(seed: int) -> None:
+def test_late_samples_equal_timely_ones(seed: int) -> None:
     rng = np.random.default_rng(seed)
     accelerations = [six(*rng.normal(scale=0.3, size=3)) for _ in range(80)]
     measured = {k: ((120 + k) * MS, six(*rng.normal([0.02, 0.0, 0.0], [2e-3, 2e-3, 0.05]))) for k in range(1, 60, 3)}
@@ -63,7 +62,7 @@ def test_late_samples_give_the_bits_of_timely_ones(seed: int) -> None:
     assert ends["late"] == ends["reordered"] == ends["timely"] != ends["none"]
 
 
-def test_order_of_arrival_in_stick_does_not_matter() -> None:
+def test_arrival_order_does_not_matter() -> None:
     ends = set()
     for order in range(6):
         bench = Bench(**SENSOR)
@@ -76,7 +75,7 @@ def test_order_of_arrival_in_stick_does_not_matter() -> None:
     assert len(ends) == 1
 
 
-def test_samples_beyond_the_memory_are_left_out() -> None:
+def test_samples_beyond_memory_are_dropped() -> None:
     benches = sliding_bench(observer__memory_s=0.05), sliding_bench(observer__memory_s=0.05)
     for _ in range(100):
         for bench in benches:
@@ -88,11 +87,11 @@ def test_samples_beyond_the_memory_are_left_out() -> None:
 
 
 def test_copies_evolve_identically() -> None:
-    bench = Bench(refereed=False, **SENSOR)
-    ride = Ride(bench.move, 0, 5, lateness=40)
+    bench = Bench(**SENSOR)
+    ride = Ride(bench.move, 5, lateness=40)
     copies = []
     for k in range(260):
-        ride.go(1, SLIDE if 80 < k < 120 else 1.0)
+        ride.run(1, SLIDE if 80 < k < 120 else 1.0)
         copies.append((ride.stamp_ns, bench.observer.copy()))
     assert {bool(copy.state.sliding) for _, copy in copies} == {False, True}
     motion = make_motion(np.linspace(-0.1, 0.1, 6))
@@ -121,7 +120,7 @@ def test_model_errors_are_learnt_in_stick() -> None:
     assert abs(estimate.error[0] - (0.5 - reported)) < 0.01
 
 
-def test_slip_ends_at_an_insignificant_estimate() -> None:
+def test_insignificant_slip_ends() -> None:
     bench = sliding_bench()
     for _ in range(20):
         bench.step(six(x=-1.0))
@@ -132,7 +131,7 @@ def test_slip_ends_at_an_insignificant_estimate() -> None:
 
 
 def test_doubt_is_not_rest() -> None:
-    """After 0.1 s of a noisy wrench 2 mm/s could be none; believed as rest, the object would go on sliding unseen."""
+    """After 0.1 s of a noisy wrench 2 mm/s could be none, but taken for rest the object would slide unseen."""
     doubtful = {"wrench_sensor__noise_force": 0.1, "observer__drag_spread": 0.0}
     eager = {
         "observer__stick_acceleration_std_m_s2": 10.0,
@@ -159,15 +158,14 @@ def test_samples_alone_find_a_slip() -> None:
     assert not seen[0]
 
 
-def test_two_outliers_start_no_slip() -> None:
-    for count, slides in ((1, False), (2, False), (3, True)):
-        bench = Bench(**SENSOR)
-        for reads in (0.0, 0.0, *(0.3,) * count):
-            bench.step(np.zeros(6), samples=[((bench.tick + 1) * MS, six(x=reads, turn=reads))])
-        assert bool(bench.state.sliding) == slides, count
+def test_three_samples_start_a_slip() -> None:
+    bench = Bench(**SENSOR)
+    for reads, slides in ((0.0, False), (0.0, False), (0.3, False), (0.3, False), (0.3, True)):
+        bench.step(np.zeros(6), samples=[((bench.tick + 1) * MS, six(x=reads, turn=reads))])
+        assert bool(bench.state.sliding) == slides
     assert abs(bench.state.twist[0] - 0.3) < 1e-3, "the estimate begins with what they read"
     began_ns, late, early = bench.tick * MS, (bench.tick - 1) * MS + 1, bench.tick * MS + 1
-    bench.step(six(x=1.0), samples=[(late, six(x=-0.1)), (early, six(x=0.3))])  # the referee's bits count, too
+    bench.step(six(x=1.0), samples=[(late, six(x=-0.1)), (early, six(x=0.3))])
     assert bench.state.late == 1, "nothing before the tick at which it began is run again"
     assert bench.step(np.zeros(6), samples=[(began_ns, six(x=0.2))]).late == 2
 
@@ -189,7 +187,7 @@ def test_lasting_contradiction_overrides_the_model() -> None:
         assert not rest or bench.state.axes[0].P_bb == bench.config.prior_P_bb[0]
 
 
-def test_outliers_between_good_samples_are_rejected() -> None:
+def test_outliers_are_rejected() -> None:
     bench = sliding_bench()
     true = bench.state.twist[0]
     for k in range(60):
@@ -198,7 +196,7 @@ def test_outliers_between_good_samples_are_rejected() -> None:
     assert abs(estimate.twist[0] - true) < 5e-3
 
 
-def test_friction_direction_corrects_the_estimate() -> None:
+def test_friction_direction_corrects_estimate() -> None:
     """Friction drags the object along y while the estimate says that the pad slides along x."""
     ends = {}
     for spread in (0.0, 0.3):
@@ -240,13 +238,3 @@ def test_no_false_alarm_in_a_million_samples() -> None:
             assert observer.observe_packed(make_motion(np.zeros(6), follow), stamp_ns, rows)
             assert not observer.state.sliding
     assert observer.state.significance > 0.0
-
-
-def test_an_underrated_noise_raises_false_alarms() -> None:
-    rng = np.random.default_rng(3)
-    bench = Bench(refereed=False, slip_sensor__noise_linear=1e-3, slip_sensor__noise_angular=0.02)
-    found = False
-    for _ in range(2000):  # the sensor is three times as noisy as configured
-        sample = (bench.tick + 1) * MS, six(3e-3, 3e-3, 0.06) * rng.standard_normal(6)
-        found = found or bench.step(np.zeros(6), samples=[sample]).sliding
-    assert found
