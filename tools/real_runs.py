@@ -4,13 +4,10 @@ python tools/real_runs.py table RAW_DIR [OUT]   the committed table, from the da
 python tools/real_runs.py fit                   the calibrated grasp, from the table
 python tools/real_runs.py cross                 every run predicted from the others
 python tools/real_runs.py predict RUN_DIR       JSON, from RUN_DIR/robot_state.csv and nothing else of it
-python tools/real_runs.py ahead PEAK...         the same path with other peak accelerations
-python tools/real_runs.py bag RUN_DIR OUT       the run as a bag that `slip-vic bag info` and `slip-vic report` read
-python tools/real_runs.py observe BAG           when the controller's slip observer reports slip in such a bag
 python tools/real_runs.py detect                slip detectors learnt from the other runs, against the marker
 python tools/real_runs.py limit                 friction learnt from the first slip, and the timing below it
 
-What is done and what comes out: docs/real_runs.md.
+The results are rows of docs/evidence/real-data.csv.
 """
 
 from __future__ import annotations
@@ -71,35 +68,6 @@ def predict(run: Path) -> None:
 
 
 @main.command()
-@click.argument("run", type=click.Path(path_type=Path))
-@click.argument("out", type=click.Path(path_type=Path))
-@click.option("--urdf", type=click.Path(path_type=Path), help="of the arm; default: the suite's own")
-@click.option("--sensor", "described", type=click.Path(path_type=Path), help="write its slip sensor as YAML, too")
-def bag(run: Path, out: Path, urdf: Path | None, described: Path | None) -> None:
-    """Write a run of the data set as a bag; and what `slip-vic tune --sensor` takes of it."""
-    import yaml
-
-    from tools.real_data.bag import sensor, write_bag
-
-    click.echo(f"{out}: {write_bag(run, out, urdf)} messages")
-    if described is not None:
-        described.write_text(yaml.safe_dump(sensor(run), sort_keys=False))
-        click.echo(f"{described}: slip sensor of {run.name}")
-
-
-@main.command()
-@click.argument("path", metavar="BAG", type=click.Path(path_type=Path))
-def observe(path: Path) -> None:
-    """Run the controller's slip observer on a bag's slip velocities; print from when to when it reports slip [s]."""
-    from tools.real_data.detect import observe_bag
-
-    found = observe_bag(path)
-    for begin, end in found:
-        click.echo(f"{begin:.3f} to {end:.3f} s")
-    click.echo(f"{len(found)} slips about the pads' normal")
-
-
-@main.command()
 @click.option("--refit", is_flag=True, help="fit the ensembles again first; a quarter of an hour")
 @click.option("--members", default=40, show_default=True, help="of each ensemble")
 @click.option("--processes", default=2, show_default=True)
@@ -114,15 +82,6 @@ def cross(refit: bool, members: int, processes: int, seed: int) -> None:
 
 
 @main.command()
-@click.argument("peaks", metavar="PEAK...", type=click.FloatRange(0.05, 5.0), nargs=-1, required=True)
-def ahead(peaks: tuple[float, ...]) -> None:
-    """Predict the path of the data set with other peak accelerations [m/s^2]."""
-    from tools.real_data import cross
-
-    click.echo("\n".join(cross.ahead(peaks)))
-
-
-@main.command()
 def detect() -> None:
     """Score slip detectors, learnt from the other runs, against the marker."""
     from tools.real_data import detect
@@ -131,17 +90,11 @@ def detect() -> None:
 
 
 @main.command()
-@click.option("--picture", is_flag=True, help="draw docs/pictures/real_runs.png too; after cross --refit")
-def limit(picture: bool) -> None:
+def limit() -> None:
     """Learn friction from the first slip, and time the path of the run that lost the object below it."""
     from tools.real_data import limit
 
-    found = limit.timings()
-    click.echo("\n".join(limit.table(found)))
-    if picture:
-        from tools.real_data.picture import draw
-
-        draw(found)
+    click.echo("\n".join(limit.table(limit.timings())))
 
 
 if __name__ == "__main__":

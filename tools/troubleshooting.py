@@ -141,18 +141,18 @@ def bringup_table() -> str:
     lines = ["| judged | what to do |", "|---|---|"]
     for function in ast.parse(rules.read_text(encoding="utf-8")).body:
         if isinstance(function, ast.FunctionDef):
-            said = [rendered(fix) for node in ast.walk(function) for fix in _fixes(node)]
-            lines += [f"| {function.name.strip('_').removeprefix('judge_')} | {_cell(text)} |" for text in said if text]
+            fixes = [rendered(fix) for node in ast.walk(function) for fix in _fixes(node)]
+            lines += [
+                f"| {function.name.strip('_').removeprefix('judge_')} | {_cell(text)} |" for text in fixes if text
+            ]
     return "\n".join(lines)
 
 
 def _fixes(node: ast.AST) -> Iterator[ast.expr]:
-    """Yield what an assignment gives to `fix`."""
+    """Yield the fixes that a call of `judge` has."""
     match node:
-        case ast.Assign(targets=[ast.Name(id="fix")], value=value):
-            yield value
-        case ast.Assign(targets=[ast.Tuple(elts=[_, ast.Name(id="fix")])], value=ast.Tuple(elts=[_, value])):
-            yield value
+        case ast.Call(func=ast.Name(id="judge"), args=[_, _, _, *faults]):
+            yield from (fix for fault in faults for fix in (fault.elts[1:] if isinstance(fault, ast.Tuple) else ()))
 
 
 def reason_table() -> str:

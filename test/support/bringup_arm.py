@@ -15,7 +15,7 @@ from slip_sim_bridge.params import BridgeParams
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic.setup.bringup.hands import simulated_hand
-from slip_vic.setup.bringup.verdicts import Endpoint, Heard, Track, Verdict
+from slip_vic.setup.bringup.verdicts import Heard, Track, Verdict
 from slip_vic.setup.bringup.walk import Walk
 from slip_vic_controller.node.goal import GoalInterface
 from slip_vic_controller.params.node_params import ControllerNodeParams
@@ -81,9 +81,6 @@ class Loop:
         self._goals = _Goals(self.loop.session)
         self.mode = self.goal = ""
         self._given = 0
-
-    def look(self) -> tuple[Endpoint, ...]:
-        return ()
 
     def listen(self, seconds: float, begin: Callable[[], None] = lambda: None) -> Heard:
         begin()

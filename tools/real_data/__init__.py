@@ -1,1 +1,1 @@
-"""Recorded runs of a real robot: read, put in a small table, modelled, predicted; see docs/real_runs.md."""
+"""Recorded runs of a real robot: read, put in a small table, modelled, predicted; docs/evidence/real-data.csv."""

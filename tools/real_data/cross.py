@@ -1,4 +1,4 @@
-"""Every run predicted from the others: what the prediction is worth, before anybody else's run is looked at.
+"""Every run predicted from the others: the test of the prediction.
 
 Nested: what an ensemble adds for the model's error is chosen on runs that were left out once more, among those it was
 fitted to, so that the run that is predicted has no part in it.
@@ -13,9 +13,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from slip_core.errors import InputError
-from tools.real_data.calibrate import Member, as_json, fit, from_json, read
+from tools.real_data.calibrate import Member, as_json, fit, from_json
 from tools.real_data.predict import Draws, Ensemble, Prediction, best_deviation, draw, predict
-from tools.real_data.runs import PadMotion
 from tools.real_data.table import DATA, Run, read_table
 
 ENSEMBLES = DATA / "real_runs_cross.json"
@@ -64,31 +63,6 @@ def predictions() -> list[tuple[Run, Prediction]]:
     """Return every run with what is predicted of it by the ensemble that never saw it."""
     found, _ = ensembles()
     return [(run, predict(run.pads(), found[run.name])) for run in read_table()]
-
-
-def at_peak(peak: float) -> PadMotion:
-    """Return the path of the data set with another peak acceleration [m/s^2]: its nearest run, faster or slower."""
-    run = min(read_table(), key=lambda run: abs(np.log(_peak(run) / peak)))
-    faster = np.sqrt(peak / _peak(run))
-    pads = run.pads()
-    time = run.time[0] + (run.time - run.time[0]) / faster
-    return PadMotion(time, pads.position, faster * pads.speed, faster**2 * pads.acceleration)
-
-
-def _peak(run: Run) -> float:
-    return float(np.percentile(np.abs(run.acceleration), 97))
-
-
-def ahead(peaks: Sequence[float]) -> list[str]:
-    """Return the lines of a table: what all runs together say of peak accelerations that none of them has."""
-    lines = ["| peak m/s^2 | P(kept) | max deg, 80 % | min deg, 80 % |", "|---|---|---|---|"]
-    ensemble, _ = read()
-    for peak in peaks:
-        p = predict(at_peak(peak), ensemble).json()
-        extremes = [f"{p[name]:.1f}, {_interval(p[f'{name}_80'])}" for name in ("max_deg", "min_deg")]
-        cells = [f"{peak:.2f}", f"{p['probability_kept']:.2f}", *extremes]
-        lines.append(f"| {' | '.join(cells)} |")
-    return lines
 
 
 def table() -> list[str]:

@@ -11,16 +11,13 @@ detectors, none of which looks ahead:
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from scipy.signal import savgol_filter
 
-from slip_bags.reader import Bag
 from slip_core.arrays import Array
 from slip_core.compiled import IN1, OUT1, OUT2, VOID, kernel
-from slip_core.errors import InputError
 from slip_core.params import build
 from slip_core.records import new, record, records
 from slip_vic_controller.contact.config import capacity, observer_config
@@ -28,7 +25,7 @@ from slip_vic_controller.contact.layouts import MOTION, OBSERVER, OBSERVER_CONFI
 from slip_vic_controller.contact.observer import observe, reset
 from slip_vic_controller.law.contact import SLIP_SAMPLE
 from slip_vic_controller.params.controller_params import ControllerParams
-from tools.real_data.runs import FEWEST, RATE_HZ
+from tools.real_data.runs import RATE_HZ
 from tools.real_data.table import Run, read_table
 
 TRUE_DEG_S, SHORTEST_S, MERGED_S = 8.0, 0.05, 0.1
@@ -114,14 +111,6 @@ def score(detected: Sequence[Interval], true: Sequence[Interval]) -> Score:
     return Score(len(delays), len(true) - len(delays), len(detected) - len(right), tuple(delays))
 
 
-class Reading(NamedTuple):
-    """What a slip sensor gives about the pads' normal, as it arrives; each (n,)."""
-
-    arrival: Array  # s
-    stamp: Array  # s, of the measurement
-    rate: Array  # rad/s
-
-
 @kernel(VOID(IN1, OUT1, OUT2, IN1, OUT2, IN1, IN1, IN1, IN1, OUT1))
 def _watch(
     config: Array, state: Array, history: Array, motion: Array, sample: Array,
@@ -142,10 +131,11 @@ def _watch(
         on[k] = estimate.sliding
 
 
-def watched(readings: Reading, end: float, noise_rad_s: float) -> list[Interval]:
-    """Return when the slip observer reports slip from readings of a known noise, up to a time.
+def observed(run: Run, noise_rad_s: float) -> list[Interval]:
+    """Return when the slip observer reports slip from marker readings of a known noise.
 
-    It has no wrench, so that its model is an object that goes with the pads, which do not turn.
+    A reading is the slope of the last rotations, stamped in their middle. The observer has no wrench, so that its model
+    is an object that goes with the pads, which do not turn.
     """
     params = build(
         ControllerParams,
@@ -157,44 +147,16 @@ def watched(readings: Reading, end: float, noise_rad_s: float) -> list[Interval]
         },
         "real run",
     )
-    ticks = np.arange(readings.stamp[0], end, TICK_S)
+    t, rotation = even(run)
+    first = SLOPE_SAMPLES["marker"] - 1
+    arrival, rate = t[first:], np.deg2rad(slopes(rotation, SLOPE_SAMPLES["marker"]))[first:]
+    stamp = arrival - first / (2.0 * RATE_HZ)
+    ticks = np.arange(stamp[0], float(t[-1]), TICK_S)
     on, history = np.zeros(ticks.size), np.zeros((capacity(params), ROW_SIZE))
     motion, sample = new(MOTION), new(SLIP_SAMPLE)[np.newaxis]
     record(motion, MOTION).rotation[:] = np.eye(3)
-    _watch(observer_config(params), new(OBSERVER), history, motion, sample, ticks, *readings, on)
+    _watch(observer_config(params), new(OBSERVER), history, motion, sample, ticks, arrival, stamp, rate, on)
     return intervals(ticks, on > 0.0, merged=MERGED_S)
-
-
-def readings(t: Array, rotation: Array) -> Reading:
-    """Return the turning rate that a sensor makes of the marker's last rotations; even stamps (n,) [s], (n,) [deg]."""
-    rate = np.deg2rad(slopes(rotation, SLOPE_SAMPLES["marker"]))
-    late = (SLOPE_SAMPLES["marker"] - 1) / (2.0 * RATE_HZ)
-    first = SLOPE_SAMPLES["marker"] - 1
-    return Reading(t[first:], t[first:] - late, rate[first:])
-
-
-def observed(run: Run, noise_rad_s: float) -> list[Interval]:
-    """Return when the slip observer reports slip from marker readings of a known noise."""
-    t, rotation = even(run)
-    return watched(readings(t, rotation), float(t[-1]), noise_rad_s)
-
-
-def observe_bag(path: Path) -> list[Interval]:
-    """Return when the slip observer reports slip from a bag's slip velocities, whose first REST_S are rest [s].
-
-    Raises:
-        InputError: no bag, or too few messages.
-    """
-    with Bag(path) as bag:
-        messages = list(bag.messages("/slip_velocity"))
-    if len(messages) < FEWEST:
-        raise InputError(f"bag {path}: /slip_velocity", got=f"{len(messages)} messages", expected=f"{FEWEST} or more")
-    arrival = 1e-9 * np.array([one.log_time_ns for one in messages])
-    stamps = [one.value.header.stamp for one in messages]
-    stamp = np.array([s.sec + 1e-9 * s.nanosec for s in stamps])
-    rate = np.array([one.value.twist.angular.z for one in messages])
-    resting = arrival < arrival[0] + REST_S
-    return watched(Reading(arrival, stamp, rate), float(arrival[-1]), float(rate[resting].std()))
 
 
 def rest_noise(runs: Sequence[Run]) -> float:

@@ -36,7 +36,6 @@ if TYPE_CHECKING:
 FLOOD_HZ, FLOOD_S = 20_000, 3.0
 STOP_S = 5.0
 STORM_S = 2.0
-ANSWERED_S = 10.0  # until the last of many calls is
 CALM_S = 1.0  # after which the nodes take calls of services again
 STARTS_S = 6.0  # what a second system needs to start
 NODES: Final = {CONTROLLER: "slip_vic_controller", BRIDGE: "slip_sim_bridge"}
@@ -118,69 +117,30 @@ def wrong_types(stage: Stage) -> str:
     return ""
 
 
-def parameters(stage: Stage) -> str:
-    """Every parameter of both nodes with anything, as fast as calls can be made."""
-    rng, calls, newest = np.random.default_rng(16), 0, dict[Any, Any]()
-    values: tuple[Any, ...] = (math.nan, 1e300, 5e-324, -1.0, 0.0, 1, True, "x" * 1000, [1.0] * 6, ["a"] * 100, [])
-    names = ("gains.stiffness", "gains.k_s", "object.mass", "grip.force", "mode", "", "no.such", "use_sim_time")
-    clients = [stage.node.create_client(SetParameters, f"/{name}/set_parameters") for name in NODES.values()]
-    end = time.monotonic() + STORM_S
-    while time.monotonic() < end:
-        for client in clients:
-            request = SetParameters.Request()
-            for name in names:
-                value = values[int(rng.integers(len(values)))]
-                request.parameters.append(Parameter(name, value=value if value != [] else None).to_parameter_msg())
-            newest[client] = client.call_async(request)
-            calls += 1
-        stage.wait(0.002)
-    stage.wait(ANSWERED_S, lambda: all(future.done() for future in newest.values()))
-    for client in clients:
-        stage.node.destroy_client(client)
-    return f"{calls} calls"
-
-
-def lifecycle(stage: Stage) -> str:
-    """Any transition at any time, but for those that ask the node to end; at last it is configured and activated."""
-    rng = np.random.default_rng(16)
-    client = stage.node.create_client(ChangeState, "/slip_vic_controller/change_state")
-    stage.wait(5.0, client.service_is_ready)
-
-    def change(number: int, patience_s: float) -> None:
-        future = client.call_async(ChangeState.Request(transition=Transition(id=number)))
-        stage.wait(patience_s, future.done)
-
-    for _ in range(60):
-        change(int(rng.choice((0, 1, 2, 3, 4, 8, 10, 30, 97, 98, 99, 255))), 1.0)
-    stage.wait(CALM_S)
-    for number in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE):
-        change(number, 5.0)
-    stage.node.destroy_client(client)
-    return ""
+VALUES: Final[tuple[Any, ...]] = (math.nan, 1e300, 5e-324, -1.0, 1, True, "x" * 1000, [1.0] * 6, ["a"] * 100)
+NAMES: Final = ("gains.stiffness", "gains.k_s", "object.mass", "grip.force", "mode", "", "no.such", "use_sim_time")
 
 
 def storm(stage: Stage) -> str:
-    """Any transition, also those that end the node, and parameters of it, at once and as fast as calls can be made."""
-    rng, calls, futures = np.random.default_rng(28), 0, []
-    change = stage.node.create_client(ChangeState, "/slip_vic_controller/change_state")
-    set_ = stage.node.create_client(SetParameters, "/slip_vic_controller/set_parameters")
-    stage.wait(5.0, lambda: change.service_is_ready() and set_.service_is_ready())
+    """Any transition of the controller and any parameter of both nodes, at once and as fast as calls can be made."""
+    rng, futures = np.random.default_rng(28), []
+    change = stage.node.create_client(ChangeState, f"/{NODES[CONTROLLER]}/change_state")
+    setters = [stage.node.create_client(SetParameters, f"/{node}/set_parameters") for node in NODES.values()]
+    stage.wait(5.0, lambda: all(client.service_is_ready() for client in (change, *setters)))
     end = time.monotonic() + STORM_S
     while time.monotonic() < end:
-        # What comes alone is an operator's wish: the first ones do not end the node.
-        number = int(rng.integers(256)) if calls > 40 else int(rng.integers(5))
-        gain = Parameter("gains.k_s", value=float(rng.uniform(1.0, 9.0))).to_parameter_msg()
+        # A single call is an operator's wish: the first ones do not end the node.
+        number = int(rng.integers(256)) if len(futures) > 40 else int(rng.integers(5))
         futures.append(change.call_async(ChangeState.Request(transition=Transition(id=number))))
-        futures.append(set_.call_async(SetParameters.Request(parameters=[gain])))
-        calls += 2
+        values = [Parameter(name, value=VALUES[int(rng.integers(len(VALUES)))]).to_parameter_msg() for name in NAMES]
+        futures += [client.call_async(SetParameters.Request(parameters=values)) for client in setters]
         stage.wait(0.002)
     stage.wait(CALM_S)
     for number in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE):
-        done = change.call_async(ChangeState.Request(transition=Transition(id=number)))
-        stage.wait(5.0, done.done)
-    for client in (change, set_):
+        stage.wait(5.0, change.call_async(ChangeState.Request(transition=Transition(id=number))).done)
+    for client in (change, *setters):
         stage.node.destroy_client(client)
-    return f"{calls} calls, {sum(future.done() for future in futures)} answered"
+    return f"{len(futures)} calls, {sum(future.done() for future in futures)} answered"
 
 
 def giant_requests(stage: Stage) -> str:
@@ -240,8 +200,6 @@ ATTACKS: Final[dict[str, Attack]] = {
     "giant arrays and texts": giants,
     "stamps of 1970 and 2038": years,
     "our names with wrong types": wrong_types,
-    "parameter storm": parameters,
-    "random lifecycle": lifecycle,
     "transitions and parameters at once": storm,
     "giant requests": giant_requests,
     "SIGSTOP of the controller, 5 s": stop_controller,

@@ -1,4 +1,4 @@
-"""A network that can be cut: namespaces of our own, and a cable between the bridge's and everybody else's."""
+"""Network namespaces and a cable between two of them, for tests over an interface that is not localhost."""
 
 from __future__ import annotations
 
@@ -6,24 +6,12 @@ import contextlib
 import os
 import shutil
 import subprocess
-import sys
 import time
 from collections.abc import Sequence
 from typing import Any
 
-INSIDE = "SLIP_VIC_NETWORK"
 _NEAR, _FAR = "svcable", "svplant"
 _START_S = 5.0
-
-
-def enter() -> None:
-    """Run this command again in a network namespace of its own; go on without one where that is not permitted."""
-    if INSIDE in os.environ:
-        return
-    unshare = own_network()
-    os.environ[INSIDE] = "yes" if unshare else "no"
-    if unshare:
-        os.execvp("unshare", [*unshare, sys.executable, *sys.orig_argv[1:]])
 
 
 def own_network() -> list[str]:

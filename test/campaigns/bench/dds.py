@@ -17,21 +17,19 @@ from slip_vic.run.launcher import Launcher, RunResult
 from slip_vic.run.processes import child_environment, python_module
 from slip_vic.scenarios.scenario import Scenario, load_scenario
 
-WARM_UP = 100
 TIMEOUT_S = 120.0
 SCENARIO = "paper_planar"
 
 
-def round_trip_s(path: str, rounds: int) -> float:
-    """Return the mean time of a round trip [s]; path: "default" or "raw", see `pingpong`.
+def round_trip_s(rounds: int) -> float:
+    """Return R0, the mean time of a round trip of `pingpong` [s].
 
     Raises:
         ProtocolError: where a side failed, with its last line.
     """
 
     def command(side: str) -> list[str]:
-        words = (side, "--path", path, "--rounds", str(rounds), "--warm-up", str(WARM_UP))
-        return python_module("test.campaigns.bench.pingpong", *words)
+        return python_module("test.campaigns.bench.pingpong", side, str(rounds))
 
     nothing = subprocess.DEVNULL
     with domain_id() as domain:

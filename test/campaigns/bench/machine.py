@@ -14,7 +14,6 @@ from slip_bags.provenance import cpu_model
 from slip_vic.run.versions import versions
 
 _LOOP = 20_000
-_STALL_S = 1e-4
 
 
 def machine() -> dict[str, Any]:
@@ -52,21 +51,6 @@ def calibration_s() -> float:
         if k % 20 == 0:
             matrix = matrix @ matrix
     return time.perf_counter() - start
-
-
-STALLS_LOOKED_FOR_S = 0.2
-
-
-def stalled_share() -> float:
-    """Return the share of time in which this process, though always ready, did not run for more than 0.1 ms at once."""
-    start = last = time.perf_counter()
-    stalled = 0.0
-    while last - start < STALLS_LOOKED_FOR_S:
-        now = time.perf_counter()
-        if now - last > _STALL_S:
-            stalled += now - last
-        last = now
-    return stalled / (last - start)
 
 
 def _preemption() -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import statistics
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -10,7 +9,7 @@ from typing import Any
 from slip_msgs_py.realtime import ProcessOptions
 from slip_vic.scenarios.scenario import load_scenario
 from test.campaigns.bench import cost, dds
-from test.campaigns.bench.machine import calibration_s, fifo_permitted, machine, stalled_share
+from test.campaigns.bench.machine import calibration_s, fifo_permitted, machine
 from test.campaigns.bench.samples import Metric, Rounds, relative_spread, rotated
 
 FIFO_PRIORITY = 80
@@ -35,14 +34,13 @@ QUICK = Effort(rounds=2, round_trips=300, lockstep_s=0.3, loop_ticks=200, turns=
 
 @dataclass(frozen=True, slots=True)
 class BenchResult:
-    """Metrics by name, the free runs, the profile of a tick, machine and noise."""
+    """Metrics by name, the free runs, the machine, and how much its speed varied between rounds."""
 
     metrics: dict[str, Metric]
     free_running: dict[str, dict[str, float]]
-    profile_us: dict[str, float]
     memory_mib: dict[str, float]
     machine: dict[str, Any]
-    noise: dict[str, float]
+    noise: float
     notes: list[str]
 
     def as_dict(self) -> dict[str, Any]:
@@ -57,7 +55,6 @@ class BenchResult:
             **{name: self.metrics[name].median for name in top if name in self.metrics},
             "free_running": self.free_running,
             "metrics": {name: metric.as_dict() for name, metric in self.metrics.items()},
-            "profile_us": self.profile_us,
             "memory_mib": self.memory_mib,
             "machine": self.machine,
             "noise": self.noise,
@@ -66,27 +63,18 @@ class BenchResult:
 
 
 def run_bench(effort: Effort, say: Say) -> BenchResult:
-    """Measure everything; `say` is told what is being done."""
+    """Measure everything; `say` gets each stage."""
     notes: list[str] = []
     found = machine()
     rounds = _rounds(effort, say)
     say("free running")
     free, memory = _free_running(effort, notes)
-    say("profile")
-    profile = cost.tick_profile(effort.loop_ticks, effort.turns)
-    whole = statistics.median(rounds.values["lockstep"])
-    profile["middleware, waking, waiting"] = whole - sum(profile.values())
-    noise = {
-        "calibration_spread": relative_spread(rounds.values["calibration"]),
-        "stalled_share": max(rounds.values["stalled"]),
-    }
     return BenchResult(
         metrics=_metrics(rounds),
         free_running=free,
-        profile_us={name: 1e6 * value for name, value in profile.items()},
         memory_mib=memory,
         machine=found,
-        noise=noise,
+        noise=relative_spread(rounds.values["calibration"]),
         notes=notes,
     )
 
@@ -104,12 +92,8 @@ def _rounds(effort: Effort, say: Say) -> Rounds:
     pieces["control step, governed"] = cost.stretch(cost.governed_scenario())
     for name, drive in (("estimator", "torque_joint"), ("velocity", "velocity_500")):
         pieces[f"control step, {name}"] = cost.stretch(cost.governed_scenario(drive))
-    sticking = cost.holding_bridge(vic)
-    pieces["simulator step, stick"] = lambda: sticking.advance([None])
-    pieces["simulator step, slip"] = cost.sliding_step(cost.holding_bridge(cost.slipping_scenario()))
     measures: dict[str, Callable[[], float]] = {
-        "r0": lambda: dds.round_trip_s("default", effort.round_trips),
-        "raw": lambda: dds.round_trip_s("raw", effort.round_trips),
+        "r0": lambda: dds.round_trip_s(effort.round_trips),
         "lockstep": lambda: dds.lockstep_tick_s(scenario),
         "lockstep, recorded": lambda: dds.lockstep_tick_s(scenario, record=True),
         "supervised loop": lambda: cost.supervised_loop_factor(vic, effort.loop_ticks),
@@ -117,7 +101,6 @@ def _rounds(effort: Effort, say: Say) -> Rounds:
     for number in range(effort.rounds):
         say(f"round {number + 1} of {effort.rounds}")
         rounds.add("calibration", calibration_s())
-        rounds.add("stalled", stalled_share())
         for name, value in cost.interleaved(pieces, effort.turns).items():
             rounds.add(name, value)
         for name in rotated(list(measures), number):
@@ -129,25 +112,20 @@ def _metrics(rounds: Rounds) -> dict[str, Metric]:
     ratio, bare, before = rounds.ratio, "pinocchio terms", "control step, governed"
 
     def microseconds(name: str, source: str) -> Metric:
-        return rounds.metric(name, source, "us", "low", scale=1e6)
+        return rounds.metric(name, source, "us", scale=1e6)
 
     metrics = [
-        ratio("control_step_ratio", "control step", bare, "low", "control step / Pinocchio terms it needs"),
-        ratio("control_step_observer_ratio", "control step, observer", bare, "low", "the same with slip observer"),
-        ratio("control_step_governed_ratio", "control step, governed", bare, "low", "the same with reference governor"),
-        ratio("estimator_ratio", "control step, estimator", before, "low", "with / without joint state estimator"),
-        ratio("velocity_ratio", "control step, velocity", before, "low", "commands of velocities / efforts"),
-        rounds.metric(
-            "supervised_loop_real_time_factor", "supervised loop", "x", "high", "simulator, sensors, whole cycle"
-        ),
-        ratio("lockstep_ratio", "r0", "lockstep", "high", "R0 round trip / lockstep tick, two processes"),
-        ratio("raw_ratio", "r0", "raw", "high", "R0 / the same messages on this suite's path, nothing computed"),
-        ratio("recorder_ratio", "lockstep, recorded", "lockstep", "low", "lockstep tick with / without recorder"),
+        ratio("control_step_ratio", "control step", bare, "control step / Pinocchio terms it needs"),
+        ratio("control_step_observer_ratio", "control step, observer", bare, "the same with slip observer"),
+        ratio("control_step_governed_ratio", "control step, governed", bare, "the same with reference governor"),
+        ratio("estimator_ratio", "control step, estimator", before, "with / without joint state estimator"),
+        ratio("velocity_ratio", "control step, velocity", before, "commands of velocities / efforts"),
+        rounds.metric("supervised_loop_real_time_factor", "supervised loop", "x", "simulator, sensors, whole cycle"),
+        ratio("lockstep_ratio", "r0", "lockstep", "R0 round trip / lockstep tick, two processes"),
+        ratio("recorder_ratio", "lockstep, recorded", "lockstep", "lockstep tick with / without recorder"),
         microseconds("pinocchio_terms_us", bare),
         microseconds("control_step_us", "control step"),
         microseconds("control_step_governed_us", "control step, governed"),
-        microseconds("simulator_step_stick_us", "simulator step, stick"),
-        microseconds("simulator_step_slip_us", "simulator step, slip"),
         microseconds("r0_us", "r0"),
         microseconds("lockstep_tick_us", "lockstep"),
     ]

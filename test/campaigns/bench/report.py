@@ -28,60 +28,29 @@ def write_results(out: Path, result: BenchResult) -> Path:
 
 
 def print_results(console: Console, result: BenchResult) -> None:
-    """Print all tables."""
-    console.print(_metrics_table(result))
-    console.print(_free_running_table(result))
-    console.print(_profile_table(result))
-    noise, found = result.noise, result.machine
+    """Print both tables, the machine and the notes."""
+    metrics = Table(title="medians over the rounds, ratios formed within each round")
+    for heading in ("", "median", "lowest", "highest", "", "meaning"):
+        metrics.add_column(heading, justify="right" if heading in ("median", "lowest", "highest") else "left")
+    for metric in result.metrics.values():
+        values = [f"{value:.4g}" for value in (metric.median, metric.low, metric.high)]
+        metrics.add_row(metric.name, *values, metric.unit, metric.note)
+    free = Table(title="real time, bridge and controller on one core, recorder on the others")
+    for heading in ("rate", "fresh %", "missed", "lost bag", "p50 ms", "p99 ms", "p99.9 ms", "max ms", "x real time"):
+        free.add_column(heading, justify="right")
+    for name, run in result.free_running.items():
+        if "_" in name:
+            shares = f"{100.0 * run['fresh']:.2f}", f"{run['lost']:.0f}", f"{run['recorder_lost']:.0f}"
+            latencies = [f"{run[f'latency_{key}_ms']:.3f}" for key in ("p50", "p99", "p999", "max")]
+            free.add_row(name.replace("_", " Hz, "), *shares, *latencies, f"{run['real_time_factor']:.3f}")
+    console.print(metrics)
+    console.print(free)
+    found = result.machine
     console.print(
         f"machine: {found['processor']}, {found['cores']} cores, kernel {found['kernel']} "
         f"({found['preemption']}), SCHED_FIFO {'permitted' if found['fifo_permitted'] else 'not permitted'}\n"
-        f"noise: the same work varied by {100.0 * noise['calibration_spread']:.0f} % between rounds; "
-        f"stalls took up to {100.0 * noise['stalled_share']:.1f} % of the time",
+        f"noise: equal work varied by {100.0 * result.noise:.0f} % between rounds",
         soft_wrap=True,
     )
     for note in result.notes:
         console.print(f"note: {note}", soft_wrap=True)
-
-
-def _metrics_table(result: BenchResult) -> Table:
-    table = Table(title="medians over the rounds, ratios formed within each round")
-    for heading in ("", "median", "lowest", "highest", "", "meaning"):
-        table.add_column(heading, justify="right" if heading in ("median", "lowest", "highest") else "left")
-    for metric in result.metrics.values():
-        values = [f"{value:.4g}" for value in (metric.median, metric.low, metric.high)]
-        table.add_row(metric.name, *values, metric.unit, metric.note)
-    return table
-
-
-def _free_running_table(result: BenchResult) -> Table:
-    table = Table(title="real time, bridge and controller on one core, recorder on the others")
-    columns = ("rate", "fresh %", "missed", "lost bag", "p50 ms", "p99 ms", "p99.9 ms", "max ms", "x real time")
-    for heading in columns:
-        table.add_column(heading, justify="right")
-    for name, run in result.free_running.items():
-        if "_" not in name:
-            continue
-        latencies = [f"{run[f'latency_{key}_ms']:.3f}" for key in ("p50", "p99", "p999", "max")]
-        table.add_row(
-            name.replace("_", " Hz, "),
-            f"{100.0 * run['fresh']:.2f}",
-            f"{run['lost']:.0f}",
-            f"{run['recorder_lost']:.0f}",
-            *latencies,
-            f"{run['real_time_factor']:.3f}",
-        )
-    return table
-
-
-def _profile_table(result: BenchResult) -> Table:
-    table = Table(title="where a lockstep tick goes")
-    table.add_column("")
-    table.add_column("us", justify="right")
-    table.add_column("share", justify="right")
-    whole = sum(result.profile_us.values())
-    for name, value in result.profile_us.items():
-        table.add_row(name, f"{value:.0f}", f"{100.0 * value / whole:.0f} %")
-    for name, mib in result.memory_mib.items():
-        table.add_row(f"memory of the {name} [MiB]", f"{mib:.0f}", "")
-    return table

@@ -1,13 +1,11 @@
-"""Measured numbers with their spread: every quantity is measured once per round, side by side with the others."""
+"""Measured numbers with their spread: every quantity is measured once per round, beside the others."""
 
 from __future__ import annotations
 
 import statistics
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
-
-Better = Literal["high", "low"]
+from typing import Any
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,7 +17,6 @@ class Metric:
 
     name: str
     unit: str
-    better: Better
     values: tuple[float, ...]
     note: str = ""
 
@@ -42,7 +39,6 @@ class Metric:
         """Return it for ``bench.json``."""
         return {
             "unit": self.unit,
-            "better": self.better,
             "median": self.median,
             "low": self.low,
             "high": self.high,
@@ -61,18 +57,18 @@ class Rounds:
         """Take the value of one round."""
         self.values.setdefault(name, []).append(value)
 
-    def metric(self, name: str, source: str, unit: str, better: Better, note: str = "", scale: float = 1.0) -> Metric:
+    def metric(self, name: str, source: str, unit: str, note: str = "", scale: float = 1.0) -> Metric:
         """Return the quantity `source` as it was measured, times `scale`."""
-        return Metric(name, unit, better, tuple(scale * value for value in self.values.get(source, ())), note)
+        return Metric(name, unit, tuple(scale * value for value in self.values.get(source, ())), note)
 
-    def ratio(self, name: str, over: str, under: str, better: Better, note: str = "") -> Metric:
+    def ratio(self, name: str, over: str, under: str, note: str = "") -> Metric:
         """Return the ratio of two quantities, formed within each round: what slows both does not show in it."""
         pairs = zip(self.values.get(over, ()), self.values.get(under, ()), strict=True)
-        return Metric(name, "", better, tuple(a / b for a, b in pairs), note)
+        return Metric(name, "", tuple(a / b for a, b in pairs), note)
 
 
 def rotated(names: Sequence[str], round_number: int) -> list[str]:
-    """Return the names beginning with another one each round, so that nobody always measures first or last."""
+    """Return the names, starting with another one each round."""
     start = round_number % len(names) if names else 0
     return [*names[start:], *names[:start]]
 

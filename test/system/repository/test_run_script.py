@@ -7,8 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from test.campaigns.attacks.network import INSIDE
-
 ROOT = Path(__file__).parents[3]
 BY_FILE = "--dist loadfile --no-loadscope-reorder"
 FAST = f"-q test/unit -n auto {BY_FILE}"
@@ -118,13 +116,3 @@ def test_the_checks_of_each_tier(called: dict[str, str], arguments: tuple[str, .
     compiles = [line for line in found if "prepare()" in line]  # beside the first checks, in any order with them
     assert len(compiles) == 1
     assert [line.strip() for line in found if line not in compiles] == [line.strip() for line in calls]
-
-
-def test_a_campaign_that_begins_again_in_a_network_of_its_own_is_the_same_command() -> None:
-    """What is wrong with the command is said by the campaign itself, in one line."""
-    words = [str(ROOT / "run"), "faults", "--attacks", "--only", "no such"]
-    environment = {name: value for name, value in os.environ.items() if name != INSIDE}
-    done = subprocess.run(words, env=environment, capture_output=True, text=True, timeout=150, check=False)
-    assert done.returncode == 2
-    assert len(done.stderr.splitlines()) == 1
-    assert "expected a part of one of: 20 kHz of joint states" in done.stderr

@@ -9,7 +9,7 @@ import pytest
 
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic.setup.bringup import verdicts
-from slip_vic.setup.bringup.verdicts import Endpoint, Track
+from slip_vic.setup.bringup.verdicts import Heard, Track
 
 BRINGUP = (
     "controller.trajectory.kind=goal", "controller.safety.auto_enable=false", "controller.governor.friction=unknown",
@@ -24,7 +24,7 @@ def track(hz: float = 100.0, count: int = 200, late: float = 0.0, values: np.nda
     return Track(stamp + late, stamp, np.zeros((count, 6)) if values is None else values)
 
 
-def test_a_controller_that_a_bringup_cannot_lead_is_told_how_to_be_started() -> None:
+def test_wrongly_started_controller() -> None:
     assert verdicts.judge_controller(PARAMS, "HOLD: not enabled").holds
     other = load_scenario("paper_planar").controller
     assert "trajectory.kind:=goal" in verdicts.judge_controller(other, "HOLD").fix
@@ -32,26 +32,9 @@ def test_a_controller_that_a_bringup_cannot_lead_is_told_how_to_be_started() -> 
 
 
 @pytest.mark.parametrize(
-    ("change", "word"),
-    [
-        ({"publishers": 0}, "remap"),
-        ({"publishers": 2}, "stop all but one"),
-        ({"kinds": ("geometry_msgs/msg/Wrench",)}, "adapter"),
-        ({"frame": "netft_link"}, "wrench.frame"),
-        ({"names": ("a", "c")}, "joint_names"),
-    ],
-)
-def test_topics_of_another_kind_are_named(change: dict[str, object], word: str) -> None:
-    kind = "geometry_msgs/msg/WrenchStamped"
-    good = Endpoint("/left/wrench", 1, (kind,), kind, "ee", "ee", ("a", "b"))
-    assert verdicts.judge_topics([good], ("a", "b")).holds
-    assert word in verdicts.judge_topics([good._replace(**change)], ("a", "b")).fix
-
-
-@pytest.mark.parametrize(
     ("samples", "word"),
     [
-        (track(count=2), "running"),
+        (track(count=2), "start the driver"),
         (track(hz=20.0), "rate"),
         (track(hz=300.0), "control_period_s"),
         (track(late=0.3), "clocks"),
@@ -60,36 +43,34 @@ def test_topics_of_another_kind_are_named(change: dict[str, object], word: str) 
         (track()._replace(stamp=np.roll(track().stamp, 1)), "two drivers"),
     ],
 )
-def test_streams_that_are_slow_late_or_in_disorder_are_named(samples: Track, word: str) -> None:
+def test_slow_late_and_disordered_streams(samples: Track, word: str) -> None:
     assert verdicts.judge_stream("wrench", track(), 80.0, 120.0, 0.05, 0.05).holds
     assert word in verdicts.judge_stream("wrench", samples, 80.0, 120.0, 0.05, 0.05).fix
 
 
-def test_a_rate_is_the_drivers_even_where_half_was_not_heard() -> None:
+def test_rate_ignores_gaps() -> None:
     every, stamps = track(120.0, 600), track(120.0, 600).stamp
     heard = Track(*(np.concatenate((part[:100], part[300:350], part[580:])) for part in every))
-    assert verdicts.rate(heard) == pytest.approx(120.0, rel=1e-6)
+    assert heard.rate == pytest.approx(120.0, rel=1e-6)
     rounded = np.ceil(stamps * 1000.0) / 1000.0
-    assert verdicts.rate(Track(rounded, rounded, every.values)) == pytest.approx(120.0, rel=1e-2)
-    assert np.isnan(verdicts.rate(track(count=1)))
+    assert Track(rounded, rounded, every.values).rate == pytest.approx(120.0, rel=1e-2)
+    assert np.isnan(track(count=1).rate)
 
 
-def test_noise_rate_and_latency_are_measured_and_a_dead_band_says_nothing_of_noise() -> None:
+def test_noise_rate_and_latency() -> None:
     rng = np.random.default_rng(1)
     wrench = rng.standard_normal((2000, 6)) * (0.05, 0.05, 0.05, 0.002, 0.002, 0.002)
     slip = rng.standard_normal((200, 6)) * (1e-3, 1e-3, 0.0, 0.0, 0.0, 2e-2)
     joints = track(1000.0, 2000)
-    found, (offset, noise) = verdicts.measured_sensors(
-        joints, track(1000.0, 2000, values=wrench), track(values=slip, late=0.01), PARAMS
-    )
+    heard = Heard(joints, track(1000.0, 2000, values=wrench), track(values=slip, late=0.01), {})
+    found, offset = verdicts.measured_sensors(heard, PARAMS)
     expected = {
         "wrench_sensor.noise_force": 0.05, "wrench_sensor.noise_torque": 0.002, "slip_sensor.rate_hz": 100.0,
         "slip_sensor.latency_s": 0.01, "slip_sensor.noise_linear": 1e-3, "slip_sensor.noise_angular": 2e-2,
     }  # fmt: skip
     assert found == pytest.approx(expected, rel=0.1)
-    assert noise == found["slip_sensor.noise_linear"]
     assert verdicts.judge_rest(0.0, offset, PARAMS, found).holds
-    silent, _ = verdicts.measured_sensors(joints, joints, joints, PARAMS)
+    silent, _ = verdicts.measured_sensors(Heard(joints, joints, joints, {}), PARAMS)
     assert silent == {"slip_sensor.rate_hz": 0.0, "slip_sensor.latency_s": 0.0}
     for speed, shift, force, word in (
         (0.1, 0.0, 0.0, "rest"), (0.0, 0.02, 0.0, "calibrate"), (0.0, math.nan, 0.0, "does not measure"),
@@ -109,12 +90,12 @@ def test_noise_rate_and_latency_are_measured_and_a_dead_band_says_nothing_of_noi
         (WEIGHT, 0.5 * X, "torque_scale"),
     ],
 )
-def test_a_wrong_weight_names_what_is_wrong(force: np.ndarray, torque: np.ndarray, word: str) -> None:
+def test_wrong_weights(force: np.ndarray, torque: np.ndarray, word: str) -> None:
     assert verdicts.judge_weight(1.05 * WEIGHT, np.zeros(3), WEIGHT, np.zeros(3), 0.1).holds
     assert word in verdicts.judge_weight(force, torque, WEIGHT, np.zeros(3), 0.1).fix
 
 
-def test_joints_are_found_by_the_one_that_moves() -> None:
+def test_joint_that_moves() -> None:
     names = ("shoulder", "elbow", "wrist")
     assert verdicts.judge_joint(names, 1, np.array([0.0, 0.03, 0.005])).holds
     skipped = verdicts.judge_joint(names, 1, None)
@@ -122,57 +103,48 @@ def test_joints_are_found_by_the_one_that_moves() -> None:
     assert "not turned" in str(skipped)
     for moved, word in (
         ([0.0, 0.0, 0.0], "further"), ([0.0, 0.0, 0.03], "calls elbow what the URDF calls wrist"),
-        ([0.0, -0.03, 0.0], "other sense"), ([0.0, 0.03, 0.02], "coupled"),
+        ([0.0, -0.03, 0.0], "the other one"), ([0.0, 0.03, 0.02], "coupled"),
     ):  # fmt: skip
         assert word in verdicts.judge_joint(names, 1, np.array(moved)).fix
 
 
-def test_pushes_show_sign_axes_and_scale() -> None:
-    assert verdicts.judge_push("+x", np.array([3.0, 0.4, 0.0]), X, 3.0).holds
-    assert verdicts.judge_push("+x", 12.0 * X, X, None).holds
-    for change, word in (
-        (0.1 * X, "no push"),
-        (-3.0 * X, "wrench.sign"),
-        (3.0 * Z, "wrench.rpy"),
-        (9.0 * X, "3 times"),
-    ):
-        assert word in verdicts.judge_push("+x", change, X, 3.0).fix
+def test_pushes_show_sign_and_axes() -> None:
+    assert verdicts.judge_push("+x", np.array([3.0, 0.4, 0.0]), X).holds
+    for change, word in ((0.1 * X, "no push"), (-3.0 * X, "wrench.sign"), (3.0 * Z, "wrench.rpy")):
+        assert word in verdicts.judge_push("+x", change, X).fix
 
 
-def test_pulls_show_the_sign_and_axes_of_slip() -> None:
-    assert verdicts.judge_pull("+x", -0.004 * X, X, True).holds
-    assert verdicts.judge_pull("+x", None, X, True).holds
-    for slipped, flagged, word in (
-        (0.004 * X, True, "turn the sign"), (0.004 * Z, True, "axes"), (np.zeros(3), False, "no slip"),
-        (None, False, "never rose"),
-    ):  # fmt: skip
-        assert word in verdicts.judge_pull("+x", slipped, X, flagged).fix
+def test_pulls_show_sign_and_axes() -> None:
+    assert verdicts.judge_pull("+x", -0.004 * X, X).holds
+    for slipped, word in ((0.004 * X, "change the sign"), (0.004 * Z, "axes"), (np.zeros(3), "no slip")):
+        assert word in verdicts.judge_pull("+x", slipped, X).fix
 
 
-def test_drift_friction_and_first_motion_have_bounds() -> None:
-    names = ("a", "b")
-    assert verdicts.judge_sag(names, np.array([0.0, -0.019])).holds
-    assert "effort.gravity" in verdicts.judge_sag(names, np.array([0.0, -0.021])).fix
-    assert verdicts.judge_drift(names, np.array([0.049, 0.0]), 5.0).holds
-    assert "b moved" in verdicts.judge_drift(names, np.array([0.0, np.nan]), 5.0).measured
-    assert not verdicts.judge_drift(names, np.array([0.0, np.nan]), 5.0).holds
-    assert verdicts.judge_mode("enabled", "ACTIVE", ("ACTIVE",)).holds
-    assert not verdicts.judge_mode("enabled", "HOLD: slip is silent", ("ACTIVE",)).holds
+def test_bounds_of_drift_friction_and_motion() -> None:
+    def drift(moved: float) -> verdicts.Verdict:
+        return verdicts.judge_drift("hold", ("a", "b"), np.array([0.0, moved]), 0.02, "with stiffness")
+
+    assert drift(-0.019).holds
+    assert "effort.gravity" in drift(-0.021).fix
+    assert "b moved" in drift(math.nan).measured
+    assert not drift(math.nan).holds
+    assert verdicts.judge_mode("enabled", "ACTIVE", "ACTIVE").holds
+    assert not verdicts.judge_mode("enabled", "HOLD: slip is silent", "ACTIVE").holds
     assert verdicts.judge_friction(0.25, 0.2, 0.19, 1, "goal 3 reached", "ACTIVE").holds
     assert verdicts.judge_friction(0.25, 0.04, 0.04, 2, "goal 3 reached", "ACTIVE").fix
     refused = verdicts.judge_friction(0.25, 0.2, 0.19, 0, "goal 3 refused: not at work", "HOLD: slip is silent")
     assert "HOLD: slip is silent" in refused.measured
     assert refused.fix
-    assert verdicts.judge_motion("goal 4 reached", "ACTIVE", 0.003, 0.0025, 0.001, 0.025).holds
+    assert verdicts.judge_motion("goal 4 reached", "ACTIVE", 0.003, 0.0025, 0.003).holds
     for goal, mode, missed, slip in (
         ("goal 4 moves", "ACTIVE", 0.0, 0.0), ("goal 4 reached", "HOLD: hold requested", 0.0, 0.0),
         ("goal 4 reached", "ACTIVE", 0.02, 0.0), ("goal 4 reached", "ACTIVE", 0.0, 0.01),
     ):  # fmt: skip
-        assert verdicts.judge_motion(goal, mode, missed, slip, 0.001, 0.025).fix
+        assert verdicts.judge_motion(goal, mode, missed, slip, 0.003).fix
 
 
-def test_a_verdict_is_one_line_with_its_fix() -> None:
-    bad = verdicts.judge_push("+x", np.array([-3.0, 0.0, 0.0]), X, None)
+def test_verdict_is_one_line() -> None:
+    bad = verdicts.judge_push("+x", np.array([-3.0, 0.0, 0.0]), X)
     assert "\n" not in str(bad)
     assert str(bad).startswith("push +x: got force (-3.00, 0.00, 0.00) N, 180 degrees off, expected ")
     assert str(bad).endswith(bad.fix)

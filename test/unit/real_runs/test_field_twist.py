@@ -54,27 +54,12 @@ def test_outliers_hardly_turn_it(count):
     assert abs(plain[2] - ANGULAR) > 10.0 * abs(twist.angular - ANGULAR)
 
 
-def test_noise_is_averaged():
-    rng = np.random.default_rng(0)
-    found = [planar_twist(GRID, rigid(GRID) + 0.1 * rng.standard_normal(GRID.shape)).angular for _ in range(400)]
-    spread = 0.1 / np.sqrt((GRID**2).sum())
-    assert np.std(found) == pytest.approx(spread, rel=0.15)
-    assert np.mean(found) == pytest.approx(ANGULAR, abs=4.0 * spread / 20.0)
-
-
-def test_taxels_without_a_reading_are_left_out():
+def test_taxels_without_a_reading():
     field = rigid(GRID)
     field[3] = np.nan
     twist = planar_twist(GRID, field)
     assert twist.angular == pytest.approx(ANGULAR, rel=1e-9)
     assert twist.weights[3] == 0.0
-
-
-def test_a_field_that_is_not_rigid_has_a_residual():
-    field = GRID * 50.0  # a pad that is squeezed: everything moves outwards
-    twist = planar_twist(GRID, field)
-    assert abs(twist.angular) < 1e-6
-    assert twist.residual > 0.1
 
 
 @pytest.mark.parametrize(("points", "field"), [

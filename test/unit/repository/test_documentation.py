@@ -12,24 +12,24 @@ import pytest
 
 from slip_vic.cli import cli
 from test.campaigns.cli import campaigns
-from test.support.pages import OURS, PAGES, ROOT, commands_of, shown_commands
+from test.support.pages import OURS, PAGES, ROOT, commands_of
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_every_link_leads_to_a_file(page: Path) -> None:
+def test_links_lead_to_files(page: Path) -> None:
     for target in re.findall(r"\]\(([^)#]+)\)", page.read_text()):
         assert target.startswith("http") or (page.parent / target).exists(), target
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_every_named_file_of_the_repository_exists(page: Path) -> None:
+def test_named_files_exist(page: Path) -> None:
     pattern = r"`((?:src|test|config|docs|bags|tools)/[\w./-]+)`"
     for name in re.findall(pattern, page.read_text()):
         assert (ROOT / name).exists(), name
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_every_named_module_exists(page: Path) -> None:
+def test_named_modules_exist(page: Path) -> None:
     """Also where a page gives only the end of its path, such as `law/gains.py`."""
     known = [
         f"/{path.relative_to(ROOT)}"
@@ -40,7 +40,7 @@ def test_every_named_module_exists(page: Path) -> None:
         assert name == "friction/x.py" or any(path.endswith(f"/{name}") for path in known), name
 
 
-def test_the_readme_shows_the_two_commands_first() -> None:
+def test_first_commands_of_the_readme() -> None:
     first = re.search(r"```bash\n(.*?)```", (ROOT / "README.md").read_text(), flags=re.S)
     assert first
     assert [line.split()[:2] for line in first.group(1).splitlines()] == [["./run", "demo"], ["./run", "test"]]
@@ -105,7 +105,7 @@ def misunderstood(words: list[str]) -> str:
     return f"no file {missing}" if missing else ""
 
 
-def test_every_command_on_every_page_is_understood() -> None:
+def test_commands_are_understood() -> None:
     commands = {page.name: commands_of(page) for page in PAGES}
     found = {f"{page}: {' '.join(w)}": misunderstood(w) for page, shown in commands.items() for w in shown}
     assert {command: wrong for command, wrong in found.items() if wrong} == {}
@@ -126,15 +126,5 @@ def test_every_command_on_every_page_is_understood() -> None:
         ("pytest test/bags/test_nothing.py", "no file"),
     ],
 )
-def test_a_command_that_does_not_exist_is_seen(command: str, wrong: str) -> None:
+def test_wrong_commands_are_seen(command: str, wrong: str) -> None:
     assert wrong in misunderstood(command.split())
-
-
-def test_commands_are_found_wherever_they_stand() -> None:
-    text = (
-        "Text with `./run inline` and `not a command`.\n\n    $ ./run indented # comment\n    output\n\n"
-        "```bash\n./run block \\\n  --wrapped\n```\n\n| a | `python x.py table` |\n"
-    )
-    assert shown_commands(text) == [
-        ["./run", "inline"], ["./run", "indented"], ["./run", "block", "--wrapped"], ["python", "x.py", "table"],
-    ]  # fmt: skip

@@ -1,5 +1,5 @@
-"""Supervised bring-up: from drivers that run to a first governed motion, step by step; `slip-vic bringup`.
+"""Supervised bring-up: from running drivers to a first governed motion, step by step; `slip-vic bringup`.
 
-`verdicts` judges numbers and knows nothing else; `walk` is the order of the steps; `ros_system` is the controller
-with its drivers over DDS, and thin.
+`verdicts` judges numbers; `walk` is the order of the steps; `hands` pushes and pulls; `ros_system` is the controller
+with its drivers over DDS.
 """

@@ -1,4 +1,4 @@
-"""The system of a bring-up over DDS: listens to what the controller listens to, and calls its services."""
+"""The system of a bring-up over DDS: the controller's inputs, topics and services."""
 
 from __future__ import annotations
 
@@ -7,46 +7,47 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 import numpy as np
-from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
+from builtin_interfaces.msg import Duration
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.parameter import Parameter, parameter_value_to_python
-from rclpy.serialization import deserialize_message
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from slip_bags.recording.raw_subscription import Arrival, RawSubscription, recording_qos
 from slip_core.arrays import Array
 from slip_core.errors import InputError, ProtocolError
 from slip_core.files.urdf_file import read_urdf
 from slip_core.params import build, parameter_infos
-from slip_core.stamps import stamp_of
+from slip_core.stamps import stamp_to_ns
 from slip_core.topics import TOPICS
+from slip_core.types import CartesianReference
 from slip_msgs_py.messages import to_msgs
 from slip_msgs_py.messages.from_msgs import JointOrder, vector6
 from slip_msgs_py.qos import create_publisher, message_class
-from slip_vic.setup.bringup.verdicts import Endpoint, Heard, Track
+from slip_vic.setup.bringup.verdicts import Heard, Track
 from slip_vic_controller.params.node_params import ControllerNodeParams
 
 CONTROLLER: Final = "slip_vic_controller"
 BRIDGE: Final = "slip_sim_bridge"
-ANSWER_S: Final = 10.0
-DISCOVERY_S: Final = 20.0  # on a busy machine; what is there is there at once
-SILENCE_S: Final = 3.0
-LOOK_S: Final = 0.005
-DEPTH: Final = 4000
-SLIP: Final = {"twist": "slip_velocity", "displacement": "slip_displacement", "flag": "slip_flag"}
+INPUTS: Final = ("joint_states", "wrench", "slip_velocity")
 SCALARS: Final = ("friction_limit", "load_commanded", "friction_events", "slipping")
+ANSWER_S: Final = 10.0
+DISCOVERY_S: Final = 20.0
+SILENCE_S: Final = 3.0
+POLL_S: Final = 0.005
+DEPTH: Final = 4000
 
 
 class RosSystem:
-    """A controller that runs, with its drivers.
+    """A running controller with its drivers.
 
     Args:
-        node: in no executor.
+        node: in no executor; its subscriptions are polled.
         namespace: of the controller.
 
     Raises:
@@ -59,24 +60,21 @@ class RosSystem:
         self._executor = SingleThreadedExecutor(context=node.context)
         self._executor.add_node(self._asker)
         self._clients: dict[str, Any] = {}
-        self._texts = {"controller/mode": "", "controller/goal": ""}
         names = [info.name for info in parameter_infos(ControllerNodeParams)]
         self.params = build(ControllerNodeParams, self._parameters(CONTROLLER, names), CONTROLLER)
         self.urdf = self.params.robot_description or read_urdf(
             self.params.robot_description_file, "parameter robot_description_file"
         )
+        self._order = JointOrder(self.params.joint_names)
         if self._state() == State.PRIMARY_STATE_UNCONFIGURED:
             self._change(Transition.TRANSITION_CONFIGURE)
-        self._slip = SLIP[self.params.slip_input]
-        self._wrench = ("wrench",) if self.params.wrench.source == "sensor" else ()
-        self._names = self._find_inputs()
-        self._inputs = {name: self._subscribe(name, full) for name, full in self._names.items()}
-        self._scalars = self._subscribe("controller/scalars", f"{self._ns}/controller/scalars")
-        self._latched = {name: self._subscribe(name, f"{self._ns}/{name}") for name in self._texts}
+        self._inputs = {name: self._subscribe(name, full) for name, full in self._find_inputs().items()}
+        self._inputs["controller/scalars"] = self._subscribe("controller/scalars")
+        self._texts = {"controller/mode": "", "controller/goal": ""}
+        self._latched = {name: self._subscribe(name, latched=True) for name in self._texts}
         self._goals = create_publisher(node, "goal", actual_name=f"{self._ns}/goal")
-        self._order = JointOrder(self.params.joint_names)
         self._until(lambda: self._goals.get_subscription_count() > 0)
-        self._until(lambda: bool(self.mode))  # there is none yet where the controller has not begun
+        self._until(lambda: bool(self.mode))  # an inactive controller has not published one yet
 
     def close(self) -> None:
         """Take everything down."""
@@ -93,53 +91,24 @@ class RosSystem:
         """The newest text of `controller/goal`."""
         return self._newest("controller/goal")
 
-    def look(self) -> tuple[Endpoint, ...]:
-        """Return how the inputs are found, with a first message of each where one comes."""
-        self._until(lambda: all(self._node.count_publishers(full) for full in self._names.values()))
-        first: dict[str, Any] = {}
-
-        def complete() -> bool:
-            for name, subscription in self._inputs.items():
-                for arrival in subscription.drain():
-                    first[name] = deserialize_message(arrival.data, message_class(TOPICS[name].type))
-            return len(first) == len(self._inputs)
-
-        self._until(complete)
-        frames = {"wrench": self.params.wrench.frame or self.params.ee_frame, "slip_velocity": self.params.ee_frame}
-        found = []
-        for name, full in self._names.items():
-            infos, message = self._node.get_publishers_info_by_topic(full), first.get(name)
-            found.append(
-                Endpoint(
-                    full, len(infos), tuple(sorted({info.topic_type for info in infos})), TOPICS[name].type,
-                    frame="" if message is None else message.header.frame_id, wanted_frame=frames.get(name, ""),
-                    names=tuple(message.name) if name == "joint_states" and message is not None else (),
-                )
-            )  # fmt: skip
-        return tuple(found)
-
     def listen(self, seconds: float, begin: Callable[[], None] = lambda: None) -> Heard:
-        """Return what comes until the joint states' stamps are `seconds` later, or for so long that nothing comes.
+        """Return the messages until the joint states' stamps are `seconds` later, or until they stay away.
 
-        begin: what is done first; the seconds count from its end, and what comes meanwhile is heard too.
+        begin: runs first; the seconds count from its end, and messages that arrive during it are included.
         """
-        all_of = {**self._inputs, "controller/scalars": self._scalars}
-        heard: dict[str, list[Arrival]] = {name: [] for name in all_of}
-        for subscription in all_of.values():
-            for _ in subscription.drain():
-                pass  # what was before
+        for subscription in self._inputs.values():
+            _taken(subscription)
         begin()
-        last, since_s = time.monotonic(), None
+        heard: dict[str, list[tuple[int, Any]]] = {name: [] for name in self._inputs}
+        last, since_ns = time.monotonic(), None
         while time.monotonic() - last < SILENCE_S:
-            time.sleep(LOOK_S)
-            for name, subscription in all_of.items():
-                fresh = list(subscription.drain())
-                heard[name] += fresh
+            time.sleep(POLL_S)
+            for name, subscription in self._inputs.items():
+                heard[name] += (fresh := _taken(subscription))
                 if fresh and name == "joint_states":
-                    last = time.monotonic()
-                    now_s = _time_of(fresh[-1])
-                    since_s = now_s if since_s is None else since_s
-                    if now_s - since_s >= seconds:
+                    last, now_ns = time.monotonic(), _stamp_ns(fresh[-1])
+                    since_ns = now_ns if since_ns is None else since_ns
+                    if now_ns - since_ns >= 1e9 * seconds:
                         return self._read(heard)
         return self._read(heard)
 
@@ -165,17 +134,10 @@ class RosSystem:
 
     def send_goal(self, position: Array, rotation: Array, duration_s: float) -> None:
         """Publish a goal."""
-        from builtin_interfaces.msg import Duration
-        from geometry_msgs.msg import Transform
-        from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
-
-        turned = to_msgs.pose(to_msgs.pose_numbers(position, rotation)).orientation
-        pose = Transform(translation=to_msgs.vector3(position), rotation=turned)
+        message = to_msgs.reference(CartesianReference(position, rotation, np.zeros(6), np.zeros(6)))
         seconds, rest = divmod(round(1e9 * duration_s), 10**9)
-        after = Duration(sec=seconds, nanosec=rest)
-        self._goals.publish(
-            MultiDOFJointTrajectory(points=[MultiDOFJointTrajectoryPoint(transforms=[pose], time_from_start=after)])
-        )
+        message.points[0].time_from_start = Duration(sec=seconds, nanosec=rest)
+        self._goals.publish(message)
 
     def tune_bridge(self, values: Mapping[str, Any]) -> None:
         """Set parameters of the simulated arm."""
@@ -197,19 +159,20 @@ class RosSystem:
 
     def _find_inputs(self) -> dict[str, str]:
         """Return the full names of the inputs, as the controller has them by remapping."""
-        wanted = ("joint_states", *self._wrench, self._slip)
+        wanted = [name for name in INPUTS if name != "wrench" or self.params.wrench.source == "sensor"]
         found: dict[str, str] = {}
 
         def subscribed() -> bool:
             try:
                 known = self._node.get_subscriber_names_and_types_by_node(CONTROLLER, self._ns or "/")
-            except NodeNameNonExistentError:  # its services are known sooner than its name
+            except NodeNameNonExistentError:  # discovered later than its services
                 return False
             for name in wanted:
                 names = [full for full, kinds in known if TOPICS[name].type in kinds]
                 same = [full for full in names if full.endswith(f"/{name}")]
                 others = [full for full in names if full.rpartition("/")[2] not in wanted]
-                found.update({name: full} if (full := next(iter(same + others), "")) else {})
+                if same + others:
+                    found[name] = (same + others)[0]
             return len(found) == len(wanted)
 
         if not self._until(subscribed):
@@ -219,29 +182,30 @@ class RosSystem:
             )  # fmt: skip
         return found
 
-    def _subscribe(self, name: str, full: str) -> RawSubscription:
-        latched = name in self._texts
-        qos = recording_qos(1 if latched else DEPTH, reliable=latched, transient_local=latched)
-        return RawSubscription(self._node, message_class(TOPICS[name].type), full, qos)
+    def _subscribe(self, name: str, full: str = "", *, latched: bool = False) -> Subscription:
+        qos = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
+        if latched:
+            qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        kind = message_class(TOPICS[name].type)
+        return self._node.create_subscription(kind, full or f"{self._ns}/{name}", lambda _: None, qos)
 
     def _newest(self, name: str) -> str:
-        for arrival in self._latched[name].drain():
-            self._texts[name] = deserialize_message(arrival.data, message_class(TOPICS[name].type)).data
+        for _, message in _taken(self._latched[name]):
+            self._texts[name] = message.data
         return self._texts[name]
 
-    def _read(self, heard: Mapping[str, list[Arrival]]) -> Heard:
+    def _read(self, heard: Mapping[str, list[tuple[int, Any]]]) -> Heard:
         joints = heard["joint_states"]
-        received = np.array([arrival.received_ns for arrival in joints])
-        stamps = np.array([_time_of(arrival) for arrival in joints])
+        received = np.maximum.accumulate([at_ns for at_ns, _ in joints]) if joints else np.empty(0)
+        stamps = 1e-9 * np.array([_stamp_ns(one) for one in joints])
 
         def track(name: str, columns: int, numbers: Callable[[Any], Array | list[float]]) -> Track:
-            found = heard.get(name)
-            if not found or not len(stamps):
+            found = heard.get(name, [])
+            if not found or not joints:
                 return Track(np.empty(0), np.empty(0), np.empty((0, columns)))
-            before = np.searchsorted(received, [arrival.received_ns for arrival in found], side="right") - 1
-            kind = message_class(TOPICS[name].type)
-            values = np.array([numbers(deserialize_message(arrival.data, kind)) for arrival in found])
-            return Track(stamps[np.maximum(before, 0)], np.array([_time_of(one) for one in found]), values)
+            before = np.searchsorted(received, [at_ns for at_ns, _ in found], side="right") - 1
+            values = np.array([numbers(message) for _, message in found])
+            return Track(stamps[np.maximum(before, 0)], 1e-9 * np.array([_stamp_ns(one) for one in found]), values)
 
         def states(message: JointState) -> list[float]:
             pick = self._order.indices(message.name)
@@ -251,23 +215,19 @@ class RosSystem:
             known = dict(zip(message.name, message.position, strict=True))
             return [known.get(name, np.nan) for name in SCALARS]
 
-        n = len(self.params.joint_names)
-        slip: dict[str, Callable[[Any], Array | list[float]]] = {
-            "twist": _twist, "displacement": _pose, "flag": lambda message: list(message.position),
-        }  # fmt: skip
         rows = track("controller/scalars", len(SCALARS), scalars).values
         return Heard(
-            track("joint_states", 2 * n, states), track("wrench", 6, _wrench),
-            track(self._slip, 6, slip[self.params.slip_input]), dict(zip(SCALARS, rows.T, strict=True)),
-        )  # fmt: skip
+            track("joint_states", 2 * len(self.params.joint_names), states),
+            track("wrench", 6, lambda message: vector6(message.wrench.force, message.wrench.torque)),
+            track("slip_velocity", 6, lambda message: vector6(message.twist.linear, message.twist.angular)),
+            dict(zip(SCALARS, rows.T, strict=True)),
+        )
 
     def _until(self, done: Callable[[], bool]) -> bool:
         end = time.monotonic() + DISCOVERY_S
-        while not done():
-            if time.monotonic() > end:
-                return False
-            time.sleep(LOOK_S)
-        return True
+        while not (held := done()) and time.monotonic() < end:
+            time.sleep(POLL_S)
+        return held
 
     # -- services ----------------------------------------------------------------------------------
 
@@ -311,7 +271,7 @@ class RosSystem:
         if not client.wait_for_service(ANSWER_S):
             raise InputError(
                 f"node {full.rpartition('/')[0]}", got="no answer", expected="a node that runs",
-                fix="start it first; look at --namespace and ROS_DOMAIN_ID",
+                fix="start it first; compare --namespace and ROS_DOMAIN_ID",
             )  # fmt: skip
         future = client.call_async(request)
         self._executor.spin_until_future_complete(future, timeout_sec=ANSWER_S)
@@ -320,19 +280,15 @@ class RosSystem:
         return future.result()
 
 
-def _time_of(arrival: Arrival) -> float:
-    """Return the stamp [s] of a message that begins with a header."""
-    return 1e-9 * stamp_of(arrival.data)
+def _taken(subscription: Subscription) -> list[tuple[int, Any]]:
+    """Return the messages that have arrived, each with the time of its arrival [ns]."""
+    handle, found = subscription.handle, []
+    with handle:
+        while (taken := handle.take_message(subscription.msg_type, False)) is not None:
+            message, info = taken
+            found.append((info["received_timestamp"], message))
+    return found
 
 
-def _wrench(message: WrenchStamped) -> Array:
-    return vector6(message.wrench.force, message.wrench.torque)
-
-
-def _twist(message: TwistStamped) -> Array:
-    return vector6(message.twist.linear, message.twist.angular)
-
-
-def _pose(message: PoseStamped) -> list[float]:
-    at, turned = message.pose.position, message.pose.orientation
-    return [at.x, at.y, at.z, turned.x, turned.y, turned.z, turned.w]
+def _stamp_ns(taken: tuple[int, Any]) -> int:
+    return stamp_to_ns(taken[1].header.stamp)

@@ -1,4 +1,4 @@
-"""The order of a bring-up: each step measures and is judged, and the next one is taken only where it holds."""
+"""The steps of a bring-up: each measures and is judged, and the next follows only if it holds."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ import numpy as np
 import yaml
 
 from slip_core.arrays import Array, matrix_from_quat_xyzw
-from slip_core.errors import SlipVicError
+from slip_core.errors import InputError, SlipVicError
 from slip_core.params import nested_names
 from slip_core.records import new, record
 from slip_core.vectors import mat
 from slip_vic.setup.bringup import verdicts
-from slip_vic.setup.bringup.hands import Hands, unit
+from slip_vic.setup.bringup.hands import Hands
 from slip_vic.setup.bringup.verdicts import Heard, Verdict
 from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.interfaces import WRENCH_SENSOR, fill_wrench_sensor, wrench_at_pad
@@ -52,10 +52,12 @@ class Walk:
         hands: who pushes.
 
     Raises:
-        InputError: the controller's parameters and its URDF do not fit.
+        InputError: the slip sensor gives no velocities, or the controller's parameters and its URDF do not fit.
     """
 
     def __init__(self, system: RosSystem, hands: Hands) -> None:
+        if system.params.slip_input != "twist":
+            raise InputError("slip_input", got=system.params.slip_input, expected="twist: a bring-up integrates it")
         self._system, self._hands, self._params = system, hands, system.params
         params = system.params
         self._robot = Robot(system.urdf, params.ee_frame, params.joint_names, params.gravity)
@@ -87,7 +89,6 @@ class Walk:
         params, system = self._params, self._system
         yield verdicts.judge_controller(params, system.mode)
         system.set_active(False)
-        yield verdicts.judge_topics(system.look(), params.joint_names)
         self._hands.grip(firmly=True)
         heard = system.listen(LISTENED_S)
         inputs, hz = params.safety.inputs, 1.0 / params.control_period_s
@@ -97,8 +98,9 @@ class Walk:
         wrench, slip = ("wrench", heard.wrench, inputs.wrench.age_s), ("slip", heard.slip, inputs.slip.age_s)
         for name, track, age in (wrench, slip) if self._has_wrench else (slip,):
             yield verdicts.judge_stream(name, track, 2.0 / age, math.inf, age, future)
-        found, (offset, self._slip_noise) = verdicts.measured_sensors(heard.joints, heard.wrench, heard.slip, params)
+        found, offset = verdicts.measured_sensors(heard, params)
         self.measured |= found
+        self._slip_noise = found.get("slip_sensor.noise_linear", 0.0)
         n = len(params.joint_names)
         speed = float(np.abs(heard.joints.values[:, n:].mean(axis=0)).max())
         yield verdicts.judge_rest(speed, offset, params, found)
@@ -132,14 +134,14 @@ class Walk:
         if self._has_wrench:
             rest = self._wrench(before)[0]
             for axis, words in enumerate(AXES):
-                change = self._wrench(hands.push(words, unit(axis)))[0] - rest
-                yield verdicts.judge_push(words, change, unit(axis), hands.size)
+                change = self._wrench(hands.push(words, np.eye(3)[axis]))[0] - rest
+                yield verdicts.judge_push(words, change, np.eye(3)[axis])
         R = self._robot.frame(before.position)[1]
         along = (R.T @ self._weight(before.position)[0]) * params.contacts.slip_axes[:3]
         for axis in (axis for axis in range(3) if params.contacts.slip_axes[axis]):
             heard = hands.pull(AXES[axis], R[:, axis], float(np.linalg.norm(along)), self._slips)
-            slipped, flagged = self._slipped(heard, noise=False), any(map(self._slips, heard))
-            yield verdicts.judge_pull(AXES[axis], slipped, unit(axis), flagged)
+            slipped = self._slipped(joined(heard), least=self._noticed)
+            yield verdicts.judge_pull(AXES[axis], slipped, np.eye(3)[axis])
             hands.grip(firmly=True)
 
     def _inertia(self, q: Array) -> Array:
@@ -147,35 +149,19 @@ class Walk:
         self._robot.terms(q, np.zeros(len(q)), arm)
         return np.asarray(record(arm, ARM).M[: len(q), : len(q)])
 
+    @property
+    def _noticed(self) -> float:
+        """The slip speed [m/s] that no noise explains."""
+        return max(SLIP_SPEED, 6.0 * self._slip_noise)
+
     def _slips(self, heard: Heard) -> bool:
-        kind, values = self._params.slip_input, heard.slip.values
-        if not len(values):
-            return False
-        if kind == "flag":
-            return bool((values > 0.5).any())
-        if kind == "displacement":
-            return float(np.linalg.norm(values[-1, :3] - values[0, :3])) > SLIP_SPEED * WATCHED_S
-        return bool(self._fast(values).any())
+        return bool((np.linalg.norm(heard.slip.values[:, :3], axis=1) > self._noticed).any())
 
-    def _fast(self, twists: Array) -> Array:
-        """Return which slip velocities are more than noise; (k, 6) -> (k,)."""
-        return np.asarray(np.linalg.norm(twists[:, :3], axis=1) > max(SLIP_SPEED, 6.0 * self._slip_noise))
-
-    def _slipped(self, heard: list[Heard], *, noise: bool = True) -> Array | None:
-        """Return how far the pad has moved on the object by the sensor's readings; (3,) [m]; None: it gives flags.
-
-        noise: whether slip velocities count that may be noise alone.
-        """
-        kind = self._params.slip_input
-        stamps = np.concatenate([part.slip.stamp for part in heard])
-        values = np.concatenate([part.slip.values for part in heard])
-        if kind == "flag":
-            return None
-        if kind == "displacement":
-            return np.asarray(values[-1, :3] - values[0, :3])
-        steps = np.diff(stamps, prepend=stamps[:1])
-        counts = 1.0 if noise else self._fast(values)[:, None]
-        return np.asarray(np.nansum(values[:, :3] * steps[:, None] * counts, axis=0))
+    def _slipped(self, heard: Heard, *, least: float = 0.0) -> Array:
+        """Return how far the pad has moved on the object, by slip speeds above `least` [m/s]; (3,) [m] {ee}."""
+        stamps, v = heard.slip.stamp, heard.slip.values[:, :3]
+        steps = np.diff(stamps, prepend=stamps[:1]) * (np.linalg.norm(v, axis=1) > least)
+        return np.asarray(np.nansum(v * steps[:, None], axis=0))
 
     # -- the controller holds the arm --------------------------------------------------------------
 
@@ -187,11 +173,11 @@ class Walk:
         moved, _ = self._watched(start, HELD_S)
         if np.abs(moved).max() >= verdicts.DRIFT:
             system.set_active(False)  # the drives hold the arm better than we do
-        yield verdicts.judge_sag(names, moved)
-        yield verdicts.judge_mode("mode", system.mode, ("HOLD",))
+        yield verdicts.judge_drift("hold", names, moved, verdicts.SAG, "with the stiffness of HOLD")
+        yield verdicts.judge_mode("mode", system.mode, "HOLD")
         with self._loose():
             moved, seconds = self._watched(start + moved, LOOSE_S)
-        yield verdicts.judge_drift(names, moved, seconds)
+        yield verdicts.judge_drift("gravity", names, moved, verdicts.DRIFT, f"in {seconds:.1f} s without stiffness")
 
     def _watched(self, start: Array, seconds: float) -> tuple[Array, float]:
         """Return how far the joints are from where they were, and after how long: at once where it is too far."""
@@ -227,7 +213,7 @@ class Walk:
                 heard = system.listen(WATCHED_S)
                 if system.mode.startswith("ACTIVE"):
                     break
-            yield verdicts.judge_mode("enabled", system.mode, ("ACTIVE",))
+            yield verdicts.judge_mode("enabled", system.mode, "ACTIVE")
             yield self._friction(heard.position)
             yield self._first_motion()
         finally:
@@ -257,12 +243,10 @@ class Walk:
         there, speed = here + FIRST_M * self._inwards(here), 0.1 * FULL_SPEED
         heard = self._go(there, R, QUINTIC_PEAK * FIRST_M / speed)
         missed = float(np.linalg.norm(self._robot.frame(heard.position)[0] - there))
-        slipped = self._slipped([heard])
-        slip = doubt = 0.0
-        if slipped is not None:
-            slip = float(np.linalg.norm(slipped))
-            doubt = SIGMAS * self._slip_noise * math.sqrt(len(heard.slip.stamp)) / verdicts.rate(heard.slip)
-        return verdicts.judge_motion(self._system.goal, self._system.mode, missed, slip, doubt, speed)
+        slipped = self._slipped(heard)
+        doubt = SIGMAS * self._slip_noise * math.sqrt(len(heard.slip.stamp)) / heard.slip.rate
+        most = verdicts.SLIPPED + doubt
+        return verdicts.judge_motion(self._system.goal, self._system.mode, missed, float(np.linalg.norm(slipped)), most)
 
     def _go(self, position: Array, rotation: Array, duration_s: float) -> Heard:
         """Send a goal and return what was heard until it was reached or refused."""
