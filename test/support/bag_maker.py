@@ -111,8 +111,7 @@ def make_bag(
     writer = BagWriter(folder, custom_data, attachments)
     content: dict[str, list[tuple[int, int, int, Any]]] = {name: [] for name in topics}
     for name, type_name in topics.items():
-        definition = find_definition(type_name)
-        writer.add_topic(TopicInfo(name, type_name, tuple(qos), definition.type_hash), definition.text)
+        writer.add_topic(TopicInfo(name, type_name, tuple(qos)), find_definition(type_name))
     for index in range(count):
         for offset, (name, type_name) in enumerate(topics.items()):
             message = random_message(type_name, rng)

@@ -61,8 +61,7 @@ def record_run(
     numbers = dict.fromkeys(TOPICS, 0)
     lost = set(skip)
     for name, type_name in TOPICS.items():
-        definition = find_definition(type_name)
-        writer.add_topic(TopicInfo(name, type_name, (QosProfile(),), definition.type_hash), definition.text)
+        writer.add_topic(TopicInfo(name, type_name, (QosProfile(),)), find_definition(type_name))
     for index, tick in enumerate(run(scenario, retune or {}, goals or {})):
         if index in (goals or {}):
             time_ns = 10**18 + index * 10**6 - 6000

@@ -59,11 +59,11 @@ def recover(bag_path: Path, output: Path | None) -> None:
     from slip_bags.recover import recover as run_recover
 
     target = output or bag_path.with_name(f"{bag_path.stem if bag_path.is_file() else bag_path.name}_recovered")
-    metadata, losses = run_recover(bag_path, target)
-    click.echo(f"{target}: {metadata.message_count} messages on {len(metadata.topics)} topics")
-    if losses.chunks_dropped or losses.cut_files:
-        cut = f", files without an end: {', '.join(losses.cut_files)}" if losses.cut_files else ""
-        click.echo(f"not readable: {losses.chunks_dropped} damaged chunks{cut}")
+    found = run_recover(bag_path, target)
+    click.echo(f"{target}: {found.messages} messages on {found.topics} topics")
+    if found.chunks_dropped or found.cut_files:
+        cut = f", files without an end: {', '.join(found.cut_files)}" if found.cut_files else ""
+        click.echo(f"not readable: {found.chunks_dropped} damaged chunks{cut}")
 
 
 @bag.command()

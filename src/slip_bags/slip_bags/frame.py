@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from slip_bags.reader import Bag
 from slip_bags.series import Series
@@ -17,48 +16,42 @@ def dataframe(bag: Bag, topic: str) -> pd.DataFrame:
     """Return one topic as a table: times, sequence and stamp first, then every field.
 
     An array field becomes one column per element: ``position[0]``, or ``position.<name>`` where the message has
-    a constant ``name`` array of the same length, as joint states do. Where a field's length varies, its cells
-    are JSON text.
+    a constant ``name`` array of the same length, as joint states do. Where a field's length varies, and in arrays of
+    messages, its cells are JSON text.
 
     Raises:
         InputError: no such topic, or data that cannot be decoded.
     """
     series = bag.series(topic)
     columns: dict[str, Any] = {
-        "log_time_ns": series.log_time_ns,
-        "publish_time_ns": series.publish_time_ns,
-        "sequence": series.sequence,
+        name: getattr(series, name)
+        for name in ("log_time_ns", "publish_time_ns", "sequence", "stamp_ns")
+        if getattr(series, name) is not None
     }
-    if series.stamp_ns is not None:
-        columns["stamp_ns"] = series.stamp_ns
     names = _constant_names(series)
     for field, values in series.items():
-        if values.ndim == 1:
-            columns[field] = _plain(values)
-            continue
-        is_named = names is not None and len(names) == values.shape[1] and field != "name"
-        for index in range(values.shape[1]):
-            label = f"{field}.{names[index]}" if is_named and names is not None else f"{field}[{index}]"
-            columns[label] = values[:, index]
+        if values.ndim == 2:
+            labels = names if len(names) == values.shape[1] and field != "name" else None
+            for index, column in enumerate(values.T):
+                columns[f"{field}.{labels[index]}" if labels else f"{field}[{index}]"] = column
+        elif values.dtype == object and not isinstance(values[0], str):
+            columns[field] = [json.dumps(value, default=_plain) for value in values]
+        else:
+            columns[field] = values
     return pd.DataFrame(columns)
 
 
-def _constant_names(series: Series) -> list[str] | None:
+def _constant_names(series: Series) -> list[str]:
     names = series.get("name")
-    if names is None or names.ndim != 2 or not len(names) or not (names == names[0]).all():
-        return None
+    if names is None or names.ndim != 2 or not (names == names[0]).all():
+        return []
     labels = [str(name) for name in names[0]]
-    return labels if len(set(labels)) == len(labels) else None
+    return labels if len(set(labels)) == len(labels) else []
 
 
-def _plain(values: NDArray[Any]) -> NDArray[Any] | list[str | None]:
-    """Keep numbers and texts; turn arrays of varying length into JSON text."""
-    if values.dtype != object or all(isinstance(value, str) for value in values):
-        return values
-    return [_json(value) for value in values]
-
-
-def _json(value: object) -> str | None:
-    if value is None:
-        return None
-    return json.dumps(value.tolist() if isinstance(value, np.ndarray | np.generic) else value)
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, bytes):
+        return list(value)
+    return {name: getattr(value, name) for name in value.__slots__}

@@ -24,7 +24,7 @@ def bag_report(bag: Bag) -> dict[str, Any]:
     lost = _recorded_losses(bag)
     return {
         "path": str(bag.path),
-        "files": [file.path for file in bag.metadata.files] if bag.metadata else [bag.path.name],
+        "file": bag.file.name,
         "size_bytes": bag.size_bytes,
         "compression": ", ".join(name or "none" for name in bag.compressions) or "none",
         "start_ns": span[0] if span else None,
@@ -50,7 +50,7 @@ def print_report(report: dict[str, Any]) -> None:
     """Print a report as text and a table."""
     head = Table.grid(padding=(0, 2))
     head.add_row("bag", printable(report["path"]))
-    head.add_row("files", printable(", ".join(report["files"])))
+    head.add_row("file", printable(report["file"]))
     head.add_row("size", printable(f"{report['size_bytes'] / 2**20:.2f} MiB, compression {report['compression']}"))
     head.add_row("messages", f"{report['message_count']} in {report['duration_s']:.3f} s")
     if report["start_ns"] is not None:

@@ -13,24 +13,36 @@ from __future__ import annotations
 
 import functools
 import heapq
+import itertools
+import os
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import replace
-from operator import attrgetter
-from pathlib import Path, PurePath
+from pathlib import Path
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
-from mcap.records import Message
-from mcap.records import Schema as McapSchema
+from mcap.reader import SeekingReader
+from mcap.records import Chunk, ChunkIndex, Message, Schema
+from mcap.stream_reader import StreamReader
+from mcap.summary import Summary
 from mcap_ros2.decoder import DecoderFactory
 
-from slip_bags.format import BagMetadata, TopicInfo, parse_metadata, parse_qos
-from slip_bags.mcap_file import LATEST_NS, MAX_BYTES, MAX_MESSAGES, McapFile, open_file
+from slip_bags.format import TopicInfo, parse_custom_data
+from slip_bags.mcap_file import (
+    DAMAGE,
+    LATEST_NS,
+    MAX_BYTES,
+    DamagedError,
+    chunk_records,
+    mcap_files,
+    open_mcap,
+    topic_info,
+)
 from slip_bags.series import Series
 from slip_core.errors import InputError, nearest
-from slip_msgs_py.messages.layout import Schema
 
-_TIME = attrgetter("log_time_ns")
+MAX_MESSAGES: Final = 1_000_000
+"""Messages that are in memory at once: some 350 MB beside their bytes."""
 
 
 class RawMessage(NamedTuple):
@@ -56,7 +68,13 @@ class Bag:
     """A bag opened for reading; a context manager.
 
     Args:
-        path: a rosbag2 folder with ``metadata.yaml``, or one MCAP file.
+        path: a rosbag2 folder with one MCAP file, or the file.
+
+    Attributes:
+        topics: by name, sorted.
+        span_ns: first and last log time [ns], None without messages.
+        size_bytes: size of the file.
+        compressions: of the chunks, sorted; "" is none.
 
     Raises:
         InputError: no bag, a bag of another storage, cut or damaged; with what to do about it.
@@ -64,18 +82,40 @@ class Bag:
 
     def __init__(self, path: Path | str) -> None:
         self.path = Path(path)
-        self.metadata = _folder_metadata(self.path) if self.path.is_dir() else None
-        paths = [self.path]
-        if self.metadata is not None:
-            paths = [self.path / file.path for file in self.metadata.files]
-        self._files: list[McapFile] = []
+        self.file, *others = mcap_files(self.path)
+        if others:
+            fix = f"`slip-vic bag recover {self.path}` joins them"
+            raise InputError(f"bag {self.path}", got=f"{1 + len(others)} files", expected="one MCAP file", fix=fix)
+        self._file = open_mcap(self.file)
         try:
-            for file in paths:
-                self._files.append(McapFile(file))
-            self.topics: Mapping[str, TopicInfo] = MappingProxyType(self._collect_topics())
-        except InputError:
+            self.size_bytes = os.fstat(self._file.fileno()).st_size
+            self._reader = SeekingReader(self._file, record_size_limit=min(self.size_bytes, MAX_BYTES))
+            self._load(self._reader.get_summary())
+        except DAMAGE as error:
             self.close()
-            raise
+            raise self._damaged(error, "no readable end: the recorder was killed or the file is cut") from None
+
+    def _load(self, summary: Summary | None) -> None:
+        if summary is None or summary.statistics is None:
+            raise DamagedError("no index")
+        counts, chunks = summary.statistics.channel_message_counts, summary.chunk_indexes
+        times = summary.statistics.message_start_time, summary.statistics.message_end_time
+        if (total := sum(counts.values())) and not chunks:
+            raise DamagedError("no index")
+        if max(*times, *(chunk.message_end_time for chunk in chunks)) > LATEST_NS:
+            raise DamagedError("times beyond the year 2262")
+        self._channels = {key: channel.topic for key, channel in summary.channels.items()}
+        self._schemas: dict[str, Schema | None] = {}
+        topics: dict[str, TopicInfo] = {}
+        for key, channel in summary.channels.items():
+            schema = self._schemas[channel.topic] = summary.schemas.get(channel.schema_id)
+            known = topics.get(channel.topic) or topic_info(channel, schema.name if schema is not None else "")
+            topics[channel.topic] = replace(known, message_count=known.message_count + counts.get(key, 0))
+        self.topics: Mapping[str, TopicInfo] = MappingProxyType(dict(sorted(topics.items())))
+        self.span_ns = times if total else None
+        self.compressions = sorted({chunk.compression for chunk in chunks})
+        self._chunks = sorted(chunks, key=lambda one: (one.message_start_time, one.chunk_start_offset))
+        self._attached_bytes = sum(index.length for index in summary.attachment_indexes)
 
     def __enter__(self) -> Bag:
         return self
@@ -84,45 +124,32 @@ class Bag:
         self.close()
 
     def close(self) -> None:
-        """Release the files."""
-        for file in self._files:
-            file.close()
+        """Release the file."""
+        self._file.close()
 
     @property
     def message_count(self) -> int:
         """Messages of all topics."""
         return sum(topic.message_count for topic in self.topics.values())
 
-    @property
-    def span_ns(self) -> tuple[int, int] | None:
-        """First and last log time of the bag [ns], None without messages."""
-        spans = [file.span_ns for file in self._files if file.span_ns is not None]
-        return (min(start for start, _ in spans), max(end for _, end in spans)) if spans else None
-
-    @property
-    def size_bytes(self) -> int:
-        """Size of all MCAP files."""
-        return sum(file.size for file in self._files)
-
-    @property
-    def compressions(self) -> list[str]:
-        """Compressions used by the chunks, sorted; "" is none."""
-        return sorted(set().union(*(file.compressions for file in self._files)))
-
     @functools.cached_property
     def custom_data(self) -> Mapping[str, str]:
-        """The custom data of ``metadata.yaml``, or of the file's own copy of it."""
-        if self.metadata is not None:
-            return MappingProxyType(dict(self.metadata.custom_data))
-        text = self._files[0].metadata().get("rosbag2", {}).get("serialized_metadata")
-        if text is None:
-            return MappingProxyType({})
-        return MappingProxyType(dict(parse_metadata(text, f"metadata in {self.path}").custom_data))
+        """The texts that the recorder stored."""
+        try:
+            records = [record.metadata for record in self._reader.iter_metadata() if record.name == "rosbag2"]
+        except DAMAGE as error:
+            raise self._damaged(error) from None
+        return MappingProxyType(parse_custom_data(records[-1].get("serialized_metadata", "")) if records else {})
 
     @functools.cached_property
     def attachments(self) -> Mapping[str, bytes]:
         """Attached files by name."""
-        return MappingProxyType({name: data for file in self._files for name, data in file.attachments().items()})
+        try:
+            if self._attached_bytes > MAX_BYTES:
+                raise DamagedError(f"attachments of more than {MAX_BYTES} bytes")
+            return MappingProxyType({record.name: record.data for record in self._reader.iter_attachments()})
+        except DAMAGE as error:
+            raise self._damaged(error) from None
 
     def topic(self, name: str) -> TopicInfo:
         """Return a topic, with or without the leading slash.
@@ -140,43 +167,61 @@ class Bag:
         own = f"/{arm}/{name}" if arm else f"/{name}"
         return next((topic for topic in self.topics if topic.endswith(own)), None)
 
-    def raw(
-        self, topics: Collection[str] | None = None, *, start_ns: int | None = None, end_ns: int | None = None
-    ) -> Iterator[RawMessage]:
-        """Yield stored messages in order of log time, `start_ns` <= log time <= `end_ns`; None is no limit.
+    def raw(self, topics: Collection[str] | None = None) -> Iterator[RawMessage]:
+        """Yield stored messages in order of log time, of some topics or of all.
 
         Raises:
             InputError: no such topic, or damaged data, which is found when it is reached.
         """
         wanted = set(self.topics) if topics is None else {self.topic(name).name for name in topics}
-        first = 0 if start_ns is None else start_ns
-        last = LATEST_NS if end_ns is None else end_ns
-        if start_ns is None and end_ns is None and len(wanted) == 1 and self._is_short:
-            yield from self._by_topic[next(iter(wanted))]
-        else:
-            yield from self._stored(wanted, first, last)
+        source = self._all if len(wanted) == 1 and self._is_short else self._stored()
+        return (message for message in source if message.topic in wanted)
 
     @property
     def _is_short(self) -> bool:
-        return sum(file.unpacked_bytes for file in self._files) <= MAX_BYTES and self.message_count <= MAX_MESSAGES
+        size = sum(chunk.uncompressed_size for chunk in self._chunks)
+        return size <= MAX_BYTES and self.message_count <= MAX_MESSAGES
 
     @functools.cached_property
-    def _by_topic(self) -> dict[str, list[RawMessage]]:
+    def _all(self) -> list[RawMessage]:
         """All messages of a short bag: a chunk holds all topics, so one pass serves all of them."""
-        found: dict[str, list[RawMessage]] = {name: [] for name in self.topics}
-        for number, message in enumerate(self._stored(set(self.topics), 0, LATEST_NS)):
-            if number >= MAX_MESSAGES:
-                raise InputError(f"bag {self.path}", got="more messages than its index states", expected="a whole bag")
-            found[message.topic].append(message)
+        found = list(itertools.islice(self._stored(), MAX_MESSAGES + 1))
+        if len(found) > MAX_MESSAGES:
+            raise self._damaged(DamagedError("more messages than the index states"))
         return found
 
-    def _stored(self, topics: Collection[str], first_ns: int, last_ns: int) -> Iterator[RawMessage]:
-        streams = [map(_raw, file.messages(topics, first_ns, last_ns)) for file in self._files]
-        return heapq.merge(*streams, key=_TIME)
+    def _stored(self) -> Iterator[RawMessage]:
+        """Yield all messages by log time; those of equal times in the order of the file."""
+        waiting: list[tuple[int, int, RawMessage]] = []  # heap; the number keeps the file's order
+        number, held = itertools.count(), 0
+        try:
+            for chunk in [*self._chunks, None]:
+                while waiting and (chunk is None or waiting[0][0] < chunk.message_start_time):
+                    *_, message = heapq.heappop(waiting)
+                    held -= len(message.data)
+                    yield message
+                for message in self._chunk_messages(chunk) if chunk is not None else ():
+                    held += len(message.data)
+                    if held > MAX_BYTES or len(waiting) >= MAX_MESSAGES:
+                        raise DamagedError("more messages of one time than memory may hold")
+                    heapq.heappush(waiting, (message.log_time_ns, next(number), message))
+        except DAMAGE as error:
+            raise self._damaged(error) from None
 
-    def messages(
-        self, topic: str, *, start_ns: int | None = None, end_ns: int | None = None
-    ) -> Iterator[DecodedMessage]:
+    def _chunk_messages(self, index: ChunkIndex) -> Iterator[RawMessage]:
+        self._file.seek(index.chunk_start_offset)
+        limit = min(self.size_bytes, MAX_BYTES)
+        chunk = next(StreamReader(self._file, skip_magic=True, emit_chunks=True, record_size_limit=limit).records)
+        if not isinstance(chunk, Chunk) or chunk.uncompressed_size != index.uncompressed_size:
+            raise DamagedError("an index that points to something else")
+        for record in chunk_records(chunk):
+            if isinstance(record, Message):
+                if max(record.log_time, record.publish_time) > LATEST_NS:
+                    raise DamagedError("times beyond the year 2262")
+                topic = self._channels[record.channel_id]
+                yield RawMessage(topic, record.log_time, record.publish_time, record.sequence, record.data)
+
+    def messages(self, topic: str) -> Iterator[DecodedMessage]:
         """Yield the messages of one topic, decoded, in order of log time.
 
         Raises:
@@ -184,23 +229,21 @@ class Bag:
         """
         info = self.topic(topic)
         decode = self._decoder(info)
-        for message in self.raw([info.name], start_ns=start_ns, end_ns=end_ns):
+        for message in self.raw([info.name]):
             try:
                 value = decode(message.data)
             except Exception as error:  # the decoder is generated from the file's own schema: anything may happen
-                raise InputError(f"message on {info.name}", got=str(error), expected=f"a {info.type_name}") from None
+                got = " ".join(str(error).split()) or type(error).__name__
+                raise InputError(f"message on {info.name}", got=got, expected=f"a {info.type_name}") from None
             yield DecodedMessage(message.log_time_ns, message.publish_time_ns, message.sequence, value)
 
-    def series(self, topic: str, *, start_ns: int | None = None, end_ns: int | None = None) -> Series:
+    def series(self, topic: str) -> Series:
         """Return all messages of one topic as columns.
 
         Raises:
             InputError: as `messages`.
         """
-        info = self.topic(topic)
-        schema = self._mcap_schema(info)
-        text = schema.data.decode("utf-8", "replace")
-        return Series(Schema.from_text(schema.name, text), self.raw([info.name], start_ns=start_ns, end_ns=end_ns))
+        return Series(topic, self.messages(topic))
 
     def schema_text(self, topic: str) -> str:
         """Return the stored definition of a topic's type, with all it refers to.
@@ -208,88 +251,26 @@ class Bag:
         Raises:
             InputError: no such topic, or no definition stored.
         """
-        return self._mcap_schema(self.topic(topic)).data.decode("utf-8", "replace")
+        return self._schema(self.topic(topic)).data.decode("utf-8", "replace")
+
+    def _schema(self, info: TopicInfo) -> Schema:
+        schema = self._schemas[info.name]
+        if schema is None or info.encoding != "cdr" or schema.encoding != "ros2msg" or not schema.data:
+            got = f"{info.encoding} with {'no schema' if schema is None or not schema.data else schema.encoding}"
+            raise InputError(f"topic {info.name}", got=got, expected="cdr with a ros2msg schema")
+        return schema
 
     def _decoder(self, info: TopicInfo) -> Callable[[bytes], Any]:
-        schema = self._mcap_schema(info)
+        schema = self._schema(info)
         try:
-            return DecoderFactory().decoder_for(info.encoding, schema)
+            decode = DecoderFactory().decoder_for(info.encoding, schema)
         except Exception as error:  # third-party parser on the file's own text
-            raise InputError(f"schema of {info.name}", got=str(error), expected="message definitions") from None
+            got = " ".join(str(error).split())
+            raise InputError(f"schema of {info.name}", got=got, expected="message definitions") from None
+        assert decode is not None
+        return decode
 
-    def _mcap_schema(self, info: TopicInfo) -> McapSchema:
-        for file in self._files:
-            for channel in file.channels.values():
-                schema = file.schemas.get(channel.schema_id)
-                if channel.topic == info.name and schema is not None:
-                    if info.encoding != "cdr" or schema.encoding != "ros2msg" or not schema.data:
-                        got = f"{info.encoding} with schema {schema.encoding or 'none'}, {len(schema.data)} bytes"
-                        raise InputError(f"topic {info.name}", got=got, expected="cdr with a ros2msg schema")
-                    return schema
-        raise InputError(f"topic {info.name}", got="no schema", expected="cdr with a ros2msg schema")
-
-    def _collect_topics(self) -> dict[str, TopicInfo]:
-        found: dict[str, TopicInfo] = {}
-        for file in self._files:
-            for channel in file.channels.values():
-                known = found.get(channel.topic)
-                count = file.counts.get(channel.id, 0)
-                if known is not None:
-                    found[channel.topic] = replace(known, message_count=known.message_count + count)
-                    continue
-                schema = file.schemas.get(channel.schema_id)
-                found[channel.topic] = TopicInfo(
-                    name=channel.topic,
-                    type_name=schema.name if schema is not None else "",
-                    qos=parse_qos(channel.metadata.get("offered_qos_profiles", "")),
-                    type_hash=channel.metadata.get("topic_type_hash", ""),
-                    message_count=count,
-                    encoding=channel.message_encoding,
-                )
-        return dict(sorted(found.items()))
-
-
-def _raw(stored: tuple[str, Message]) -> RawMessage:
-    topic, message = stored
-    return RawMessage(topic, message.log_time, message.publish_time, message.sequence, message.data)
-
-
-def read_series(path: Path | str, topic: str) -> Series:
-    """Return one topic of a bag as columns: a mapping of field paths to arrays, with `stamp_ns` and `log_time_ns`.
-
-    Raises:
-        InputError: no bag, no such topic, or damaged data.
-    """
-    with Bag(path) as bag:
-        return bag.series(topic)
-
-
-def _folder_metadata(folder: Path) -> BagMetadata:
-    what = f"bag {folder}"
-    path = folder / "metadata.yaml"
-    files = sorted(file.name for file in folder.glob("*.mcap"))
-    if not path.exists():
-        if not files:
-            raise InputError(what, got="a folder without metadata.yaml and MCAP files", expected="a bag")
-        fix = f"`slip-vic bag recover {folder}` makes one, or open {folder / files[0]} by itself"
-        raise InputError(what, got="no metadata.yaml: the recorder was killed", expected="a closed bag", fix=fix)
-    try:
-        with open_file(path) as file:
-            text = file.read(MAX_BYTES).decode("utf-8")
-    except UnicodeDecodeError as error:
-        raise InputError(str(path), got=str(error), expected="a text") from None
-    metadata = parse_metadata(text, str(path))
-    if metadata.storage != "mcap":
-        raise InputError(what, got=f"storage {metadata.storage}", expected="mcap", fix="convert it: ros2 bag convert")
-    if metadata.compression_format or metadata.compression_mode not in ("", "none", "NONE"):
-        got = f"{metadata.compression_format} compression of whole {metadata.compression_mode.lower() or 'file'}s"
-        raise InputError(what, got=got, expected="compression inside MCAP (zstd, lz4, none)")
-    if not metadata.files:
-        raise InputError(str(path), got="no relative_file_paths", expected="the bag's MCAP files")
-    for item in metadata.files:
-        if PurePath(item.path).is_absolute() or ".." in PurePath(item.path).parts:
-            raise InputError(str(path), got=item.path, expected="files of the bag's own folder")
-        if not (folder / item.path).is_file():
-            got = f"{item.path} is missing"
-            raise InputError(what, got=got, expected=f"the files of metadata.yaml, found {files}")
-    return metadata
+    def _damaged(self, error: BaseException, what: str = "damaged data") -> InputError:
+        got = f"{what} ({' '.join(str(error).split()) or type(error).__name__})"
+        fix = f"`slip-vic bag recover {self.path}` saves what can be read"
+        return InputError(f"bag file {self.file}", got=got, expected="a whole MCAP file with an index", fix=fix)

@@ -1,4 +1,4 @@
-"""Message definitions for the bag: the ``ros2msg`` schema text and the RIHS01 type hash of a type.
+"""Message definitions for the bag: the ``ros2msg`` schema text of a type, and its generated class.
 
 They are read where the message package is installed: beside the imported package (wheels, conda), in the overlays of
 AMENT_PREFIX_PATH (ROS, colcon), or under `sys.prefix`.
@@ -9,12 +9,10 @@ from __future__ import annotations
 import functools
 import importlib
 import importlib.util
-import json
 import os
 import re
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -24,27 +22,18 @@ from slip_msgs_py.messages.layout import parse_fields
 _DELIMITER: Final = "\n" + "=" * 80 + "\nMSG: "
 
 
-@dataclass(frozen=True, slots=True)
-class MessageDefinition:
-    """One message type: ``pkg/msg/Type``, its text with all dependencies, its hash ("" where unknown)."""
-
-    name: str
-    text: str
-    type_hash: str
-
-
 @functools.cache
-def find_definition(type_name: str) -> MessageDefinition:
-    """Return the definition of ``pkg/msg/Type`` as rosbag2 stores it: depth first, dependencies sorted, each once.
+def find_definition(type_name: str) -> str:
+    """Return the text of ``pkg/msg/Type`` as rosbag2 stores it: depth first, dependencies sorted, each once.
 
     Raises:
         InputError: the name is not of this form or the type is not installed.
     """
-    package, name = split_type_name(type_name)
+    package, name = _split(type_name)
     seen = {f"{package}/{name}"}
 
     def expand(package: str, name: str) -> str:
-        text = _read(package, name, ".msg")
+        text = _read(package, name)
         parts = [text]
         for dependency in dependencies(text, package):
             if dependency not in seen:
@@ -52,7 +41,7 @@ def find_definition(type_name: str) -> MessageDefinition:
                 parts.append(_DELIMITER + dependency + "\n" + expand(*dependency.split("/")))
         return "".join(parts)
 
-    return MessageDefinition(type_name, expand(package, name), _type_hash(package, name))
+    return expand(package, name)
 
 
 def message_class(type_name: str) -> type:
@@ -61,19 +50,14 @@ def message_class(type_name: str) -> type:
     Raises:
         InputError: the name is not of this form, or the type is not installed.
     """
-    package, name = split_type_name(type_name)
+    package, name = _split(type_name)
     try:
         return getattr(importlib.import_module(f"{package}.msg"), name)
     except (ImportError, AttributeError) as error:
         raise InputError(f"message type {type_name}", got=error, expected="an installed message package") from None
 
 
-def split_type_name(type_name: str) -> tuple[str, str]:
-    """Split ``pkg/msg/Type`` into package and name.
-
-    Raises:
-        InputError: it is not of this form.
-    """
+def _split(type_name: str) -> tuple[str, str]:
     match = re.fullmatch(r"([a-zA-Z]\w*)/msg/([a-zA-Z]\w*)", type_name)
     if match is None:
         raise InputError("message type", got=type_name, expected="package/msg/Name, e.g. sensor_msgs/msg/JointState")
@@ -87,17 +71,8 @@ def dependencies(text: str, package: str) -> list[str]:
     )
 
 
-def _type_hash(package: str, name: str) -> str:
-    try:
-        hashes = json.loads(_read(package, name, ".json"))["type_hashes"]
-    except (InputError, ValueError, KeyError):
-        return ""
-    wanted = f"{package}/msg/{name}"
-    return next((str(item["hash_string"]) for item in hashes if item["type_name"] == wanted), "")
-
-
-def _read(package: str, name: str, suffix: str) -> str:
-    relative = Path("share", package, "msg", name + suffix)
+def _read(package: str, name: str) -> str:
+    relative = Path("share", package, "msg", f"{name}.msg")
     for prefix in _prefixes(package):
         path = prefix / relative
         if path.is_file():

@@ -16,7 +16,7 @@ from typing import Final
 
 from mcap.writer import Writer
 
-from slip_bags.format import INFINITE_NS, BagMetadata, FileInfo, TopicInfo, metadata_text, qos_text
+from slip_bags.format import TopicInfo, metadata_text, qos_text
 from slip_core.errors import InputError, SlipVicError
 
 LIBRARY: Final = "slip-vic bag"
@@ -30,12 +30,15 @@ class StorageError(SlipVicError):
 
 
 class BagWriter:
-    """One bag being written; `close` must run for ``metadata.yaml`` to exist.
+    """One bag being written; `close` must run for it to be whole.
 
     Args:
         folder: the bag; must not exist, parents are made.
         custom_data: texts for ``metadata.yaml``; may change until `close`.
         attachments: files stored beside the messages, by name.
+
+    Attributes:
+        counts: messages written, by topic.
 
     Raises:
         InputError: the folder exists or cannot be made.
@@ -51,8 +54,8 @@ class BagWriter:
         self._topics: dict[str, TopicInfo] = {}
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
-        self._counts: Counter[str] = Counter()
-        self._start_ns = self._end_ns = 0
+        self.counts: Counter[str] = Counter()
+        self._span_ns: tuple[int, int] | None = None
         self._path = folder / f"{folder.resolve().name}_0.mcap"
         self._is_open = True
         with self._reporting():
@@ -93,10 +96,9 @@ class BagWriter:
         with self._reporting():
             channel = self._channels[topic]
             self._writer.add_message(channel, log_time_ns, data, publish_time_ns, sequence & 0xFFFFFFFF)
-        is_first = not self._counts
-        self._start_ns = log_time_ns if is_first else min(self._start_ns, log_time_ns)
-        self._end_ns = log_time_ns if is_first else max(self._end_ns, log_time_ns)
-        self._counts[topic] += 1
+        first, last = self._span_ns or (log_time_ns, log_time_ns)
+        self._span_ns = min(first, log_time_ns), max(last, log_time_ns)
+        self.counts[topic] += 1
 
     def flush(self) -> None:
         """Close the running chunk and bring it to the disk.
@@ -109,40 +111,35 @@ class BagWriter:
             self._file.flush()
             os.fsync(self._file.fileno())
 
-    def close(self) -> BagMetadata:
-        """Finish the file, write ``metadata.yaml`` and return what it says. Further calls only return it.
+    def close(self) -> None:
+        """Finish the file and write ``metadata.yaml``; further calls do nothing.
 
         Raises:
             StorageError: the disk refuses.
         """
-        if self._is_open:
-            with self._reporting():
-                self._writer.flush()
-                self._add_metadata()
-                self._writer.finish()
-                self._file.flush()
-                os.fsync(self._file.fileno())
-                self._file.close()
-                _write_metadata(self.folder, self.metadata())
-            self._is_open = False
-        return self.metadata()
+        if not self._is_open:
+            return
+        with self._reporting():
+            self._writer.flush()
+            self._add_metadata()
+            self._writer.finish()
+            self._file.flush()
+            os.fsync(self._file.fileno())
+            self._file.close()
+            temporary = self.folder / ".metadata.yaml.tmp"  # metadata.yaml is there completely or not at all
+            with open(temporary, "w", encoding="utf-8") as file:
+                file.write(self._metadata(root=True))
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(temporary, self.folder / "metadata.yaml")
+        self._is_open = False
 
-    def metadata(self) -> BagMetadata:
-        """Return what ``metadata.yaml`` would say now."""
-        total = self._counts.total()
-        start, duration = (self._start_ns, self._end_ns - self._start_ns) if total else (INFINITE_NS, 0)
-        topics = [replace(topic, message_count=self._counts[name]) for name, topic in sorted(self._topics.items())]
-        return BagMetadata(
-            files=(FileInfo(self._path.name, start, duration, total),),
-            topics=tuple(topics),
-            start_ns=start,
-            duration_ns=duration,
-            message_count=total,
-            custom_data=self.custom_data,
-        )
+    def _metadata(self, *, root: bool) -> str:
+        topics = [replace(topic, message_count=self.counts[name]) for name, topic in sorted(self._topics.items())]
+        return metadata_text(self._path.name, topics, self._span_ns, self.custom_data, root=root)
 
     def _add_metadata(self) -> None:
-        self._writer.add_metadata("rosbag2", {"serialized_metadata": metadata_text(self.metadata(), root=False)})
+        self._writer.add_metadata("rosbag2", {"serialized_metadata": self._metadata(root=False)})
 
     @contextlib.contextmanager
     def _reporting(self) -> Iterator[None]:
@@ -158,19 +155,6 @@ class BagWriter:
             reason = error.strerror or error
             fix = f"`slip-vic bag recover {self.folder}` saves the messages before"
             raise StorageError(f"bag {self.folder}: {reason}; {fix}") from None
-
-
-def _write_metadata(folder: Path, metadata: BagMetadata) -> None:
-    """Write ``metadata.yaml`` completely or not at all."""
-    temporary = folder / ".metadata.yaml.tmp"
-    try:
-        with open(temporary, "w", encoding="utf-8") as file:
-            file.write(metadata_text(metadata, root=True))
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, folder / "metadata.yaml")
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def _make_folder(folder: Path) -> None:

@@ -6,6 +6,7 @@ import re
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -57,7 +58,7 @@ def test_what_was_recorded_is_played(processes, bag, tmp_path):
     assert play_recorded(processes, tmp_path / "again", bag) == f"{2 * COUNT} messages\n"
     with Bag(tmp_path / "again") as again, Bag(bag) as original:
         for name, topic in original.topics.items():
-            assert again.topics[name] == topic
+            assert again.topics[name] == replace(topic, type_hash=again.topics[name].type_hash)
     for topic in TOPICS:
         assert contents(tmp_path / "again", topic) == contents(bag, topic)
 

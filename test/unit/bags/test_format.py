@@ -9,17 +9,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_bags.format import (
-    BagMetadata,
-    FileInfo,
-    QosProfile,
-    TopicInfo,
-    metadata_text,
-    parse_metadata,
-    parse_qos,
-    qos_text,
-)
-from slip_core.errors import InputError
+from slip_bags.format import QosProfile, TopicInfo, metadata_text, parse_custom_data, parse_qos, qos_text
 
 # Written down from what the Jazzy storage plugin writes.
 QOS = """\
@@ -31,8 +21,8 @@ QOS = """\
     sec: 9223372036
     nsec: 854775807
   lifespan:
-    sec: 10
-    nsec: 5
+    sec: 9223372036
+    nsec: 854775807
   liveliness: automatic
   liveliness_lease_duration:
     sec: 9223372036
@@ -69,8 +59,8 @@ rosbag2_bagfile_information:
               sec: 9223372036
               nsec: 854775807
             lifespan:
-              sec: 10
-              nsec: 5
+              sec: 9223372036
+              nsec: 854775807
             liveliness: automatic
             liveliness_lease_duration:
               sec: 9223372036
@@ -91,17 +81,12 @@ rosbag2_bagfile_information:
       message_count: 3
   custom_data: ~
   ros_distro: jazzy"""
-LATCHED = QosProfile(durability="transient_local", lifespan_ns=10_000_000_005)
-SAMPLE = BagMetadata(
-    files=(FileInfo("x_0.mcap", 1_700_000_000_000_000_000, 2, 3),),
-    topics=(
-        TopicInfo("/a", "std_msgs/msg/String"),
-        TopicInfo("/b", "std_msgs/msg/String", (LATCHED,), "RIHS01_00ff", 3),
-    ),
-    start_ns=1_700_000_000_000_000_000,
-    duration_ns=2,
-    message_count=3,
+LATCHED = QosProfile(durability="transient_local")
+TOPICS = (
+    TopicInfo("/a", "std_msgs/msg/String"),
+    TopicInfo("/b", "std_msgs/msg/String", (LATCHED,), "RIHS01_00ff", 3),
 )
+SPAN = 1_700_000_000_000_000_000, 1_700_000_000_000_000_002
 
 
 def same(text: str, expected: str) -> bool:
@@ -116,26 +101,18 @@ def test_qos_text_is_rosbag2s():
 
 
 def test_metadata_text_is_rosbag2s():
-    assert same(metadata_text(SAMPLE, root=True), METADATA)
+    assert same(metadata_text("x_0.mcap", TOPICS, SPAN, {}, root=True), METADATA)
 
 
 def test_metadata_record_lacks_the_root():
     lines = METADATA.splitlines()[1:]
-    assert same(metadata_text(SAMPLE, root=False), "\n".join(line[2:] for line in lines))
+    assert same(metadata_text("x_0.mcap", TOPICS, SPAN, {}, root=False), "\n".join(line[2:] for line in lines))
 
 
 def test_empty_bag_starts_at_the_end_of_time():
-    tree = yaml.safe_load(metadata_text(BagMetadata(files=(FileInfo("x_0.mcap"),)), root=False))
+    tree = yaml.safe_load(metadata_text("x_0.mcap", (), None, {}, root=False))
     assert tree["starting_time"] == {"nanoseconds_since_epoch": 9223372036854775807}
     assert tree["topics_with_message_count"] == []
-
-
-def test_files_are_listed_by_their_paths_where_an_old_version_lists_no_more() -> None:
-    metadata = BagMetadata(files=(FileInfo("x_0.mcap", 5, 7, 3), FileInfo("x_1.mcap", 6, 8, 4)))
-    tree = yaml.safe_load(metadata_text(metadata, root=True))
-    assert parse_metadata(yaml.safe_dump(tree), "x").files == metadata.files
-    del tree["rosbag2_bagfile_information"]["files"]
-    assert parse_metadata(yaml.safe_dump(tree), "x").files == (FileInfo("x_0.mcap"), FileInfo("x_1.mcap"))
 
 
 @pytest.mark.parametrize(
@@ -145,26 +122,20 @@ def test_other_forms_of_qos_are_none(text):
     assert parse_qos(text) == ()
 
 
-@pytest.mark.parametrize("text", ["", "[]", "a: b", "a: [", "rosbag2_bagfile_information: 3", "\x00"])
-def test_nonsense_metadata_is_refused(text):
-    with pytest.raises(InputError, match=r"metadata\.yaml"):
-        parse_metadata(text, "metadata.yaml")
+@pytest.mark.parametrize("text", ["", "[]", "a: b", "a: [", "custom_data: 3", "custom_data: ~", "\x00"])
+def test_other_forms_of_custom_data_are_none(text):
+    assert parse_custom_data(text) == {}
 
 
 @given(
     custom=st.dictionaries(st.text(min_size=1), st.text(), max_size=4),
-    name=st.text(min_size=1),
     qos=st.lists(st.sampled_from([QosProfile(), LATCHED]), max_size=3),
 )
-def test_any_text_survives_and_stays_text(custom, name, qos):
-    """Both PyYAML and our own parser read back exactly what was given, as text also where it looks like a number."""
+def test_any_text_survives_and_stays_text(custom, qos):
+    """As text also where it looks like a number."""
     printable = {_legal(key): _legal(value) for key, value in custom.items()}
-    metadata = BagMetadata(
-        files=(FileInfo(_legal(name)),), topics=(TopicInfo(_legal(name), "a/msg/B", tuple(qos)),), custom_data=printable
-    )
-    text = metadata_text(metadata, root=True)
-    assert parse_metadata(text, "x") == metadata
-    assert (yaml.safe_load(text)["rosbag2_bagfile_information"]["custom_data"] or {}) == printable
+    assert parse_custom_data(metadata_text("x_0.mcap", (), None, printable, root=False)) == printable
+    assert parse_qos(qos_text(qos)) == tuple(qos)
 
 
 def _legal(text: str) -> str:

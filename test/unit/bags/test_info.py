@@ -99,8 +99,7 @@ def test_joint_states_get_columns_by_joint(tmp_path, count):
     kind = "sensor_msgs/msg/JointState"
     header = STORE.types["std_msgs/msg/Header"](STORE.types["builtin_interfaces/msg/Time"](0, 5), "ee")
     writer = BagWriter(tmp_path / "bag")
-    definition = find_definition(kind)
-    writer.add_topic(TopicInfo("/j", kind, (), definition.type_hash), definition.text)
+    writer.add_topic(TopicInfo("/j", kind), find_definition(kind))
     for index in range(count):
         values = np.array([index, 10.0 + index])
         message = STORE.types[kind](header, ["shoulder", "elbow"], values, values * 2, np.zeros(0))

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from mcap.writer import CompressionType, IndexType, Writer
 
-from slip_bags import mcap_file
-from slip_bags.format import QosProfile, TopicInfo
+from slip_bags import reader as reader_module
+from slip_bags.format import TopicInfo
 from slip_bags.reader import Bag
 from slip_bags.recover import recover
 from slip_bags.typedefs import find_definition
@@ -19,7 +19,8 @@ from slip_core.errors import InputError
 from test.support.bag_maker import START_NS, SUITE_TOPICS, encode, make_bag
 
 TWO = {"/a": "std_msgs/msg/String", "/b": "geometry_msgs/msg/WrenchStamped"}
-STRING = find_definition("std_msgs/msg/String")
+STRING = "std_msgs/msg/String"
+TEXT = find_definition(STRING)
 
 
 def write_strings(path: Path, times: list[int], fill: bytes = b"", **writer_options: object) -> None:
@@ -27,7 +28,7 @@ def write_strings(path: Path, times: list[int], fill: bytes = b"", **writer_opti
     with path.open("wb") as file:
         writer = Writer(file, **writer_options)
         writer.start(profile="ros2", library="test")
-        schema = writer.register_schema(STRING.name, "ros2msg", STRING.text.encode())
+        schema = writer.register_schema(STRING, "ros2msg", TEXT.encode())
         channel = writer.register_channel("/a", "cdr", schema, {})
         for index, time in enumerate(times):
             text = str(index).encode() + fill + b"\0"
@@ -58,9 +59,6 @@ def test_times_and_compressions(tmp_path, compression):
     )
     with Bag(tmp_path / "x.mcap") as bag:
         assert [message.log_time_ns for message in bag.raw()] == sorted(times)
-        some = bag.raw(["a"], start_ns=START_NS + 10, end_ns=START_NS + 20)
-        assert [message.log_time_ns for message in some] == list(range(START_NS + 10, START_NS + 21))
-        assert list(bag.raw(["a"], start_ns=START_NS + 50)) == []
         assert (bag.message_count, bag.span_ns) == (50, (min(times), max(times)))
         assert bag.compressions == [compression]
 
@@ -68,17 +66,16 @@ def test_times_and_compressions(tmp_path, compression):
 def test_equal_times_keep_the_order_of_the_file(tmp_path):
     write_strings(tmp_path / "x.mcap", [START_NS] * 30, chunk_size=100)
     with Bag(tmp_path / "x.mcap") as bag:
-        assert [message.sequence for message in bag.raw(start_ns=0)] == list(range(30))
+        assert [message.sequence for message in bag.raw()] == list(range(30))
 
 
-def test_several_files_are_one_bag(tmp_path):
+def test_several_files_are_joined_by_recover(tmp_path):
     first = make_bag(tmp_path / "bag", count=30, topics=TWO)
-    write_strings(tmp_path / "bag" / "x.mcap", [START_NS + 5, START_NS + 10**9])
-    metadata = tmp_path / "bag" / "metadata.yaml"
-    text = metadata.read_text()
-    entry = text[text.index("  - path:") : text.index("  custom_data")]
-    metadata.write_text(text.replace(entry, entry + entry.replace("bag_0.mcap", "x.mcap")))
-    with Bag(tmp_path / "bag") as bag:
+    write_strings(tmp_path / "bag" / "bag_10.mcap", [START_NS + 5, START_NS + 10**9])
+    with pytest.raises(InputError, match=r"got 2 files, .*bag recover"):
+        Bag(tmp_path / "bag")
+    recover(tmp_path / "bag", tmp_path / "out")
+    with Bag(tmp_path / "out") as bag:
         assert bag.topics["/a"].message_count == 32
         times = sorted([*(row[0] for row in first["/a"]), START_NS + 5, START_NS + 10**9])
         assert [message.log_time_ns for message in bag.raw(["/a"])] == times
@@ -90,7 +87,7 @@ def test_several_files_are_one_bag(tmp_path):
 )  # fmt: skip
 def test_file_without_index_names_recover(tmp_path, options):
     write_strings(tmp_path / "x.mcap", [START_NS, START_NS + 1], **options)
-    with pytest.raises(InputError, match=r"no index, .*bag recover"):
+    with pytest.raises(InputError, match=r"no index.*bag recover"):
         Bag(tmp_path / "x.mcap")
     recover(tmp_path / "x.mcap", tmp_path / "out")
     with Bag(tmp_path / "out") as bag:
@@ -101,26 +98,16 @@ def test_memory_is_bounded(tmp_path, monkeypatch):
     """Chunks of one time are in memory together; more than the bound is refused, whatever each of them holds."""
     write_strings(tmp_path / "x", [START_NS] * 50, fill=b"x" * 50, chunk_size=100)
     held = 50 * (8 + 51) + 10 * 1 + 40 * 2  # bytes of all messages: CDR head, size, text and its end
-    monkeypatch.setattr(mcap_file, "MAX_BYTES", held)
+    monkeypatch.setattr(reader_module, "MAX_BYTES", held)
     with Bag(tmp_path / "x") as bag:
-        assert len(list(bag.raw(start_ns=0))) == 50
-        monkeypatch.setattr(mcap_file, "MAX_BYTES", held - 1)
+        assert len(list(bag.raw())) == 50
+        monkeypatch.setattr(reader_module, "MAX_BYTES", held - 1)
         with pytest.raises(InputError, match="more messages of one time"):
-            list(bag.raw(start_ns=0))
-        monkeypatch.setattr(mcap_file, "MAX_BYTES", held)
-        monkeypatch.setattr(mcap_file, "MAX_MESSAGES", 49)
+            list(bag.raw())
+        monkeypatch.setattr(reader_module, "MAX_BYTES", held)
+        monkeypatch.setattr(reader_module, "MAX_MESSAGES", 49)
         with pytest.raises(InputError, match="more messages of one time"):
-            list(bag.raw(start_ns=0))
-
-
-def test_index_that_lies_about_times_is_damage(tmp_path):
-    write_strings(tmp_path / "x", [START_NS, START_NS + 5])
-    data = (tmp_path / "x").read_bytes()
-    at = data.rindex(struct.pack("<QQ", START_NS, START_NS + 5))
-    changed = data[:at] + struct.pack("<QQ", START_NS, START_NS + 4) + data[at + 16 :]
-    (tmp_path / "x").write_bytes(changed[:-12] + bytes(4) + changed[-8:])
-    with Bag(tmp_path / "x") as bag, pytest.raises(InputError, match="outside of its chunk's time"):
-        list(bag.raw())
+            list(bag.raw())
 
 
 def test_times_beyond_int64_are_refused(tmp_path):
@@ -132,28 +119,22 @@ def test_times_beyond_int64_are_refused(tmp_path):
         Bag(tmp_path / str(2**63))
 
 
-@pytest.mark.parametrize("name", ["bag_0.mcap", "metadata.yaml"])
-def test_fifo_is_refused(tmp_path, name):
+def test_fifo_is_refused(tmp_path):
     """Opening one would wait for its writer."""
-    make_bag(tmp_path / "bag", count=1, topics=TWO)
-    path = tmp_path / "bag" / name
-    path.unlink()
-    os.mkfifo(path)
-    for place in (tmp_path / "bag", path):
-        with pytest.raises(InputError, match=r"no regular file|is missing"):
+    (tmp_path / "bag").mkdir()
+    os.mkfifo(tmp_path / "bag" / "bag_0.mcap")
+    for place in (tmp_path / "bag", tmp_path / "bag" / "bag_0.mcap", "/dev/zero"):
+        with pytest.raises(InputError, match="no regular file"):
             Bag(place)
     with pytest.raises(InputError, match="no regular file"):
-        Bag("/dev/zero")
-    if name.endswith("mcap"):
-        with pytest.raises(InputError, match="no regular file"):
-            recover(tmp_path / "bag", tmp_path / "out")
+        recover(tmp_path / "bag", tmp_path / "out")
 
 
 def test_two_channels_of_one_topic_are_one_topic(tmp_path):
     with (tmp_path / "x.mcap").open("wb") as file:
         writer = Writer(file)
         writer.start(profile="ros2", library="test")
-        schema = writer.register_schema(STRING.name, "ros2msg", STRING.text.encode())
+        schema = writer.register_schema(STRING, "ros2msg", TEXT.encode())
         for _ in range(2):
             channel = writer.register_channel("/a", "cdr", schema, {"offered_qos_profiles": "rubbish: ["})
             writer.add_message(channel, 5, b"\0\1\0\0\1\0\0\0\0", 5)
@@ -178,74 +159,35 @@ def test_unknown_topic_offers_the_nearest(tmp_path):
         bag.series("joint_state")
 
 
-def damage_folder(folder: Path, kind: str) -> None:
-    """Make one kind of bad bag out of a good one."""
-    mcap, metadata = folder / "bag_0.mcap", folder / "metadata.yaml"
-    data = mcap.read_bytes()
-    text = metadata.read_text()
-    if kind == "no folder":
-        for path in (mcap, metadata):
-            path.unlink()
-        folder.rmdir()
-    elif kind == "empty folder":
-        mcap.unlink()
-        metadata.unlink()
-    elif kind == "no metadata":
-        metadata.unlink()
-    elif kind == "no file":
-        mcap.unlink()
-    elif kind == "empty file":
-        mcap.write_bytes(b"")
-    elif kind == "foreign file":
-        mcap.write_bytes(b"SQLite format 3\0" * 1000)
-    elif kind == "cut":
-        mcap.write_bytes(data[:-100])
-    elif kind == "only magic":
-        mcap.write_bytes(data[:8] + data[-8:])
-    elif kind == "footer to nowhere":
-        mcap.write_bytes(data[:-28] + struct.pack("<QQI", 2**62, 2**62, 0) + data[-8:])
-    elif kind == "sqlite":
-        metadata.write_text(text.replace("storage_identifier: mcap", "storage_identifier: sqlite3"))
-    elif kind == "file compression":
-        changed = text.replace("compression_format: ''", "compression_format: zstd")
-        metadata.write_text(changed.replace("compression_mode: ''", "compression_mode: FILE"))
-    elif kind == "metadata not YAML":
-        metadata.write_text("a: [")
-    elif kind == "metadata of something else":
-        metadata.write_text("name: test\n")
-    elif kind == "metadata is binary":
-        metadata.write_bytes(bytes(range(256)))
-    elif kind == "metadata huge":
-        metadata.write_text("a: &a [x, x]\nb: &b [*a, *a]\nc: [*b, *b]\n")
-
-
-BAD_AT_OPEN = {
-    "no folder": "No such file",
-    "empty folder": "without metadata.yaml",
-    "no metadata": "bag recover",
-    "no file": "is missing",
-    "empty file": "an empty file",
-    "foreign file": "expected an MCAP file",
-    "cut": "no end",
-    "only magic": "damaged",
-    "footer to nowhere": "damaged",
-    "sqlite": "ros2 bag convert",
-    "file compression": "inside MCAP",
-    "metadata not YAML": "expected YAML",
-    "metadata of something else": "rosbag2_bagfile_information",
-    "metadata is binary": r"metadata\.yaml",
-    "metadata huge": "rosbag2_bagfile_information",
-}
-
-
-@pytest.mark.parametrize("kind", BAD_AT_OPEN)
-def test_bad_bags_end_in_one_line(tmp_path, kind):
+@pytest.mark.parametrize(
+    ("content", "line"),
+    [
+        (lambda data: b"", "an empty file"),
+        (lambda data: b"SQLite format 3\0" * 1000, "expected an MCAP file"),
+        (lambda data: data[:-100], "killed or the file is cut"),
+        (lambda data: data[:8] + data[-8:], "killed or the file is cut"),
+        (lambda data: data[:-28] + struct.pack("<QQI", 2**62, 2**62, 0) + data[-8:], "killed or the file is cut"),
+    ],
+    ids=["empty", "foreign", "cut", "only magic", "footer to nowhere"],
+)
+def test_bad_files_end_in_one_line(tmp_path, content, line):
     make_bag(tmp_path / "bag", count=20, topics=TWO)
-    damage_folder(tmp_path / "bag", kind)
-    with pytest.raises(InputError, match=BAD_AT_OPEN[kind]) as caught:
+    mcap = tmp_path / "bag" / "bag_0.mcap"
+    mcap.write_bytes(content(mcap.read_bytes()))
+    with pytest.raises(InputError, match=line) as caught:
         Bag(tmp_path / "bag")
     assert "\n" not in str(caught.value)
     assert caught.value.exit_code == 2
+
+
+def test_folders_without_mcap_files(tmp_path):
+    """A bag of SQLite, or one that is compressed as a whole."""
+    with pytest.raises(InputError, match="No such file"):
+        Bag(tmp_path / "none")
+    (tmp_path / "x_0.mcap.zstd").touch()
+    for action in (Bag, lambda path: recover(path, tmp_path / "out")):
+        with pytest.raises(InputError, match="ros2 bag convert"):
+            action(tmp_path)
 
 
 def test_wrong_crc_is_found(tmp_path):
@@ -304,8 +246,9 @@ def test_output_below_a_file_is_refused(tmp_path):
 
 def test_closed_writer_refuses(tmp_path):
     writer = BagWriter(tmp_path / "bag")
-    writer.add_topic(TopicInfo("/a", STRING.name, (QosProfile(),), STRING.type_hash), STRING.text)
-    assert writer.close() == writer.close()
+    writer.add_topic(TopicInfo("/a", STRING), TEXT)
+    writer.close()
+    writer.close()
     with pytest.raises(StorageError, match="closed"):
         writer.write("/a", 1, 1, 1, b"")
 
@@ -313,7 +256,7 @@ def test_closed_writer_refuses(tmp_path):
 def test_huge_message(tmp_path):
     """One message far larger than a chunk."""
     writer = BagWriter(tmp_path / "bag")
-    writer.add_topic(TopicInfo("/a", STRING.name, (QosProfile(),), STRING.type_hash), STRING.text)
+    writer.add_topic(TopicInfo("/a", STRING), TEXT)
     size = 8 << 20
     data = b"\0\1\0\0" + struct.pack("<I", size + 1) + b"x" * size + b"\0"
     writer.write("/a", 1, 1, 1, data)

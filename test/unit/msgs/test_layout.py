@@ -131,7 +131,7 @@ def test_windows_line_ends_change_nothing() -> None:
 def test_the_generated_class_says_what_the_text_says(name: str) -> None:
     package, _, kind = name.split("/")
     of_class = Schema.of_class(getattr(importlib.import_module(f"{package}.msg"), kind))
-    of_text = Schema.from_text(name, find_definition(name).text)
+    of_text = Schema.from_text(name, find_definition(name))
     assert of_class.types == of_text.types
     assert of_class.root == of_text.root
 

@@ -121,8 +121,8 @@ def test_commands_are_understood() -> None:
         ("./run run --speed 2", "No such option"),
         ("./run demo --seed -1", "x>=0"),
         ("./run run --law pid", "'pid' is not one of"),
-        ("python test/system/bags/measure.py loud", "knows"),
-        ("python test/system/bags/measures.py load", "no file"),
+        ("python tools/reference_bags.py --loud", "knows"),
+        ("python tools/reference_bag.py", "no file"),
         ("pytest test/bags/test_nothing.py", "no file"),
     ],
 )

@@ -2,58 +2,35 @@
 
 from __future__ import annotations
 
-from slip_bags.recording.raw_subscription import Arrival
+from dataclasses import dataclass
 
 
+@dataclass(slots=True)
 class LossCounter:
-    """Exact while one publisher sends at a time; publishers may follow each other, messages may come out of order.
+    """Exact while one publisher sends at a time; publishers may follow each other.
 
-    A publisher numbers its messages 1, 2, 3 ... The messages do not name their publisher, so with two at once
-    nothing can be said and `lost` is None. What the first publisher sent before the first received message is
-    not lost but `missed_at_start`.
+    A publisher numbers its messages 1, 2, 3 ..., and they are taken in the order of sending. They do not name their
+    publisher, so with two at once nothing can be said and `lost` is None. What the first publisher sent before the
+    first received message is not lost but `missed_at_start`.
     """
 
-    def __init__(self) -> None:
-        self.received = 0
-        self._unknown = False
-        self._lost_before = 0
-        self._missed_at_start: int | None = None
-        self._first = self._last = self._count = 0
-        self._last_sent_ns = 0
-
-    @property
-    def lost(self) -> int | None:
-        """Messages lost so far, None where it cannot be known."""
-        return None if self._unknown else self._lost_before + self._gaps()
-
-    @property
-    def missed_at_start(self) -> int:
-        """Messages the first publisher had sent before the first that was received."""
-        return max(self._first - 1, 0) if self._missed_at_start is None else self._missed_at_start
+    received: int = 0
+    missed_at_start: int = 0
+    lost: int | None = 0
+    _last: int = 0
 
     def see_publishers(self, count: int) -> None:
-        """Tell how many publishers there are now."""
-        self._unknown = self._unknown or count > 1
+        """Say how many publishers there are now."""
+        if count > 1:
+            self.lost = None
 
-    def add(self, arrival: Arrival) -> None:
-        """Count one received message."""
+    def add(self, sequence: int) -> None:
+        """Count one received message; number 0 is of a middleware that does not number."""
         self.received += 1
-        sequence = arrival.sequence
-        if sequence == 0:  # a middleware that does not number
-            self._unknown = True
-            return
-        if self._count and sequence <= self._last and arrival.sent_ns > self._last_sent_ns:
-            # A lower number sent later: the next publisher, again from 1.
-            self._missed_at_start = self.missed_at_start
-            self._lost_before += self._gaps()
-            self._count = 0
-        if not self._count:
-            self._first = self._last = sequence
-            self._last_sent_ns = arrival.sent_ns
-        self._first = min(self._first, sequence)
-        if sequence > self._last:
-            self._last, self._last_sent_ns = sequence, arrival.sent_ns
-        self._count += 1
-
-    def _gaps(self) -> int:
-        return self._last - self._first + 1 - self._count if self._count else 0
+        if sequence == 0:
+            self.lost = None
+        elif not self._last:
+            self.missed_at_start = sequence - 1
+        elif sequence > self._last and self.lost is not None:
+            self.lost += sequence - self._last - 1
+        self._last = sequence  # a lower number is of the next publisher, again from 1

@@ -50,7 +50,6 @@ class _Topic:
     reliable: bool
     transient_local: bool
     publishers: int = 0
-    largest_batch: int = 0
     loss: LossCounter = field(default_factory=LossCounter)
 
 
@@ -85,8 +84,6 @@ class Recorder:
         self._topics: dict[str, _Topic] = {}
         self._warned: set[str] = set()
         self._next_discovery = self._next_follow = 0.0
-        self._last_poll: float | None = None
-        self._longest_gap_s = 0.0
 
     @property
     def ready(self) -> bool:
@@ -104,9 +101,6 @@ class Recorder:
             StorageError: the disk refuses.
         """
         now = time.monotonic()
-        if self._last_poll is not None:
-            self._longest_gap_s = max(self._longest_gap_s, now - self._last_poll)
-        self._last_poll = now
         if now >= self._next_discovery:
             self._discover(now)
             self._next_discovery = now + (DISCOVERY_S if self.ready else POLL_S)
@@ -140,7 +134,6 @@ class Recorder:
                 "messages": topic.loss.received,
                 "lost": topic.loss.lost,
                 "missed_at_start": topic.loss.missed_at_start,
-                "largest_batch": topic.largest_batch,
             }
             for name, topic in sorted(self._topics.items())
         }
@@ -150,9 +143,6 @@ class Recorder:
             "lost": lost,
             "lost_unknown": [name for name, topic in topics.items() if topic["lost"] is None],
             "never_published": sorted(self._named - self._topics.keys()),
-            "queue_depth": self._depth,
-            "largest_batch": max((topic.largest_batch for topic in self._topics.values()), default=0),
-            "longest_gap_ms": round(self._longest_gap_s * 1e3, 3),
             "topics": topics,
         }
 
@@ -188,10 +178,7 @@ class Recorder:
             return
         hashes = {_hash_text(info) for info in infos}
         type_hash = hashes.pop() if len(hashes) == 1 else ""
-        if definition.type_hash not in (type_hash, ""):
-            self._warn_once(f"topic {name}: its publisher uses another version of {definition.name}")
-        offers = tuple(_offer(info) for info in infos)
-        self._writer.add_topic(TopicInfo(name, definition.name, offers, type_hash), definition.text)
+        self._writer.add_topic(TopicInfo(name, type_names[0], tuple(map(_offer, infos)), type_hash), definition)
         reliable, transient_local = _common(infos)
         subscription = self._subscribe(name, kind, reliable, transient_local)
         self._topics[name] = topic = _Topic(kind, subscription, reliable, transient_local, len(infos))
@@ -216,9 +203,8 @@ class Recorder:
 
     def _drain(self, name: str, topic: _Topic) -> list[tuple[int, str, Arrival]]:
         arrivals = list(topic.subscription.drain())
-        topic.largest_batch = max(topic.largest_batch, len(arrivals))
         for arrival in arrivals:
-            topic.loss.add(arrival)
+            topic.loss.add(arrival.sequence)
         return [(arrival.received_ns, name, arrival) for arrival in arrivals]
 
     def _write(self, batch: list[tuple[int, str, Arrival]]) -> None:
@@ -267,11 +253,9 @@ def record(
             node, writer, topics, everything=everything, queue_depth=queue_depth,
             warn=lambda text: events.warn("recorder", text), ignored=(READY_TOPIC,),
         )  # fmt: skip
-        start, start_cpu = time.monotonic(), time.process_time()
-        end = start + duration_s if duration_s else float("inf")
+        end = time.monotonic() + duration_s if duration_s else float("inf")
         _loop(node, recorder, writer, lambda: stop() or time.monotonic() >= end)
-        cpu_share = (time.process_time() - start_cpu) / max(time.monotonic() - start, 1e-9)
-        summary = {**recorder.finish(), "cpu_share": round(cpu_share, 4)}
+        summary = recorder.finish()
         writer.custom_data["recorder"] = json.dumps(summary)
         return {"bag": str(output), **summary}
     finally:
@@ -317,15 +301,4 @@ def _hash_text(info: TopicEndpointInfo) -> str:
 
 
 def _offer(info: TopicEndpointInfo) -> QosProfile:
-    qos = info.qos_profile
-    return QosProfile(
-        reliability=qos.reliability.name.lower(),
-        durability=qos.durability.name.lower(),
-        history=qos.history.name.lower(),
-        depth=qos.depth,
-        deadline_ns=qos.deadline.nanoseconds,
-        lifespan_ns=qos.lifespan.nanoseconds,
-        liveliness=qos.liveliness.name.lower(),
-        liveliness_lease_ns=qos.liveliness_lease_duration.nanoseconds,
-        avoid_ros_namespace_conventions=qos.avoid_ros_namespace_conventions,
-    )
+    return QosProfile(info.qos_profile.reliability.name.lower(), info.qos_profile.durability.name.lower())
