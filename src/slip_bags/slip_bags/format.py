@@ -15,13 +15,7 @@ ROS_DISTRO: Final = "jazzy"
 _LATEST_NS: Final = 2**63 - 1
 _UNSET: Final = {"sec": _LATEST_NS // 10**9, "nsec": _LATEST_NS % 10**9}
 _NO_WRAP: Final = 2**31 - 1
-
-
-class _Dumper(yaml.SafeDumper):
-    """Writes no aliases: rosbag2 writes equal values out."""
-
-    def ignore_aliases(self, data: Any) -> bool:
-        return True
+_DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,14 +61,12 @@ def metadata_text(
         root: whether the tree stands below rosbag2's root key.
     """
     start_ns, end_ns = span_ns or (_LATEST_NS, _LATEST_NS)
-    start = {"nanoseconds_since_epoch": start_ns}
-    duration = {"nanoseconds": end_ns - start_ns}
     count = sum(topic.message_count for topic in topics)
     tree: dict[str, Any] = {
         "version": VERSION,
         "storage_identifier": "mcap",
-        "duration": duration,
-        "starting_time": start,
+        "duration": {"nanoseconds": end_ns - start_ns},
+        "starting_time": {"nanoseconds_since_epoch": start_ns},
         "message_count": count,
         "topics_with_message_count": [
             {
@@ -92,7 +84,14 @@ def metadata_text(
         "compression_format": "",
         "compression_mode": "",
         "relative_file_paths": [file],
-        "files": [{"path": file, "starting_time": start, "duration": duration, "message_count": count}],
+        "files": [
+            {
+                "path": file,
+                "starting_time": {"nanoseconds_since_epoch": start_ns},
+                "duration": {"nanoseconds": end_ns - start_ns},
+                "message_count": count,
+            }
+        ],
         "custom_data": dict(custom_data) or None,
         "ros_distro": ROS_DISTRO,
     }
@@ -128,13 +127,13 @@ def _qos_tree(qos: QosProfile) -> dict[str, Any]:
         "depth": 0,
         "reliability": qos.reliability,
         "durability": qos.durability,
-        "deadline": _UNSET,
-        "lifespan": _UNSET,
+        "deadline": dict(_UNSET),
+        "lifespan": dict(_UNSET),
         "liveliness": "automatic",
-        "liveliness_lease_duration": _UNSET,
+        "liveliness_lease_duration": dict(_UNSET),
         "avoid_ros_namespace_conventions": False,
     }
 
 
 def _text(tree: Any) -> str:
-    return yaml.dump(tree, Dumper=_Dumper, sort_keys=False, width=_NO_WRAP, allow_unicode=True)
+    return yaml.dump(tree, Dumper=_DUMPER, sort_keys=False, width=_NO_WRAP, allow_unicode=True)

@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from mcap.reader import NonSeekingReader, make_reader
-from mcap_ros2.decoder import DecoderFactory
+from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
 from slip_bags.format import QosProfile
@@ -57,19 +56,3 @@ def test_mcap_reader_validates_and_finds_everything(recorded):
     assert "nanoseconds_since_epoch: 9223372036854775807" in first
     metadata = (folder / "metadata.yaml").read_text()
     assert [line[2:] for line in metadata.splitlines()[1:]] == last.splitlines()
-
-
-def test_mcap_reader_without_index(recorded):
-    folder, content = recorded
-    with (folder / "bag_0.mcap").open("rb") as file:
-        messages = list(NonSeekingReader(file, validate_crcs=True).iter_messages(log_time_order=False))
-    assert len(messages) == COUNT * len(content)
-
-
-def test_mcap_ros2_support_decodes_the_same_values(recorded):
-    folder, content = recorded
-    found: dict[str, list[Any]] = {}
-    with (folder / "bag_0.mcap").open("rb") as file:
-        for message in make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages():
-            found.setdefault(message.channel.topic, []).append(comparable(message.decoded_message))
-    assert found == {topic: [comparable(row[3]) for row in rows] for topic, rows in content.items()}

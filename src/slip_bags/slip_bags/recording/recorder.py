@@ -34,7 +34,6 @@ from slip_msgs_py import events
 READY_TOPIC: Final = "recorder/ready"
 POLL_S: Final = 0.02  # between two polls
 DISCOVERY_S: Final = 0.1  # between two discoveries, once every requested topic is found
-FOLLOW_S: Final = 0.5  # between two readings of every publisher's QoS
 FLUSH_S: Final = 1.0
 MIN_FREE_BYTES: Final = 64 << 20
 _QUIET_S: Final = 0.03  # after this time without a message none is on its way
@@ -83,7 +82,7 @@ class Recorder:
         self._ignored = {node.resolve_topic_name(name) for name in ignored}
         self._topics: dict[str, _Topic] = {}
         self._warned: set[str] = set()
-        self._next_discovery = self._next_follow = 0.0
+        self._next_discovery = 0.0
 
     @property
     def ready(self) -> bool:
@@ -102,7 +101,7 @@ class Recorder:
         """
         now = time.monotonic()
         if now >= self._next_discovery:
-            self._discover(now)
+            self._discover()
             self._next_discovery = now + (DISCOVERY_S if self.ready else POLL_S)
         batch: list[tuple[int, str, Arrival]] = []
         for name, topic in self._topics.items():
@@ -151,16 +150,13 @@ class Recorder:
             return True
         return self._everything and name not in self._ignored and "/_" not in name
 
-    def _discover(self, now: float) -> None:
+    def _discover(self) -> None:
         for name, type_names in self._node.get_topic_names_and_types():
             if name not in self._topics and self._wants(name):
                 self._find(name, type_names)
-        follows = now >= self._next_follow
-        if follows:
-            self._next_follow = now + FOLLOW_S
         for name, topic in self._topics.items():
             # The number of publishers is cheap to read, their QoS is not.
-            if follows or self._node.count_publishers(name) != topic.publishers:
+            if self._node.count_publishers(name) != topic.publishers:
                 self._follow(name, topic)
 
     def _find(self, name: str, type_names: Sequence[str]) -> None:
