@@ -12,7 +12,6 @@ from test.support.ros import Processes
 from test.system.nodes.test_modes import BRIDGE_ENDLESS, CONTROLLER_SLOW, Start, Watcher, starter
 
 ALONE = "bridge.wait_for=[]"
-BY_HAND = "controller.safety.auto_enable=false"
 CALL_ENABLE = "to continue call ~/enable"
 
 
@@ -42,22 +41,11 @@ def start_another_controller(system: System, processes: Processes, *words: str) 
     return system.watcher
 
 
-def test_after_a_kill_of_the_controller_the_law_is_back_by_itself(system: System, processes: Processes) -> None:
+def test_law_returns_after_controller_kill(system: System, processes: Processes) -> None:
     start_another_controller(system, processes).wait_law()
 
 
-def test_after_a_kill_of_a_controller_that_is_enabled_by_hand_the_reason_says_what_to_call(
-    system: System, processes: Processes
-) -> None:
-    watcher = start_another_controller(system, processes, BY_HAND)
-    watcher.wait_mode("HOLD", CALL_ENABLE)  # on a busy machine after an input that was silent at first, too
-    assert watcher.trigger("enable").success
-    watcher.wait_law()
-
-
-def test_after_a_kill_of_the_bridge_the_reason_names_what_is_silent_and_the_law_is_back_by_itself(
-    system: System, processes: Processes
-) -> None:
+def test_law_returns_after_bridge_kill(system: System, processes: Processes) -> None:
     watcher = system.watcher
     processes.kill(system.bridge)
     watcher.wait_mode("HOLD", "joint state is silent")

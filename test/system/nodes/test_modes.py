@@ -128,7 +128,7 @@ CONTROLLER_SLOW = ("controller.control_period_s=0.004", "controller.gains.k_s=50
 BRIDGE_ENDLESS = ("bridge.stop_after_duration=false", "bridge.control_period_s=0.004")
 
 
-def test_a_managed_node_waits_for_its_transitions(watcher: Watcher, start, processes: Processes) -> None:
+def test_managed_node_waits_for_transitions(watcher: Watcher, start, processes: Processes) -> None:
     from lifecycle_msgs.msg import Transition
 
     controller = start("controller", "controller.auto_activate=false", *CONTROLLER_SLOW)
@@ -176,7 +176,7 @@ def test_services_move_the_mode(nodes: System) -> None:
     assert watcher.trigger("reset_fault").success
 
 
-def test_watchdog_bites_when_the_clock_of_the_bridge_stops(nodes: System) -> None:
+def test_watchdog_without_bridge_clock(nodes: System) -> None:
     watcher, bridge = nodes.watcher, nodes.bridge
     watcher.wait_law()
     bridge.send(signal.SIGSTOP)
@@ -185,7 +185,7 @@ def test_watchdog_bites_when_the_clock_of_the_bridge_stops(nodes: System) -> Non
     watcher.wait_law()
 
 
-def test_somebody_else_on_the_command_topic_is_a_fault_that_latches(nodes: System) -> None:
+def test_foreign_publisher_latches_fault(nodes: System) -> None:
     from sensor_msgs.msg import JointState
 
     watcher = nodes.watcher
@@ -202,9 +202,7 @@ def test_somebody_else_on_the_command_topic_is_a_fault_that_latches(nodes: Syste
 
 
 @pytest.mark.smoke
-def test_a_bridge_that_starts_again_is_taken_up(
-    nodes: System, shared_start: Start, shared_processes: Processes
-) -> None:
+def test_restarted_bridge_is_accepted(nodes: System, shared_start: Start, shared_processes: Processes) -> None:
     watcher = nodes.watcher
     watcher.wait_law()
     shared_processes.kill(nodes.bridge)

@@ -39,7 +39,7 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_stamps_are_wall_time_one_period_apart(bag: Path) -> None:
+def test_stamps_are_wall_time(bag: Path) -> None:
     with Bag(bag) as opened:
         stamps = [stamp_to_ns(m.value.header.stamp) for m in opened.messages("/joint_states")]
         received = [m.log_time_ns for m in opened.messages("/joint_states")]
@@ -49,15 +49,7 @@ def test_stamps_are_wall_time_one_period_apart(bag: Path) -> None:
     assert abs(stamps[0] - received[0]) < 60e9
 
 
-def test_every_command_answers_a_state_and_newest_wins(bag: Path) -> None:
-    with Bag(bag) as opened:
-        states = [stamp_to_ns(m.value.header.stamp) for m in opened.messages("/joint_states")]
-        commands = [stamp_to_ns(m.value.header.stamp) for m in opened.messages("/effort_command")]
-    assert set(commands) <= set(states)
-    assert commands == sorted(commands)
-
-
-def test_timing_is_published_and_belongs_to_the_ticks(bag: Path) -> None:
+def test_timing_belongs_to_ticks(bag: Path) -> None:
     with Bag(bag) as opened:
         cycles = [m.value for m in opened.messages("/controller/timing")]
         ticks = [m.value for m in opened.messages("/bridge/timing")]

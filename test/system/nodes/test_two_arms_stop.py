@@ -141,7 +141,7 @@ def recorded(operator: Operator, processes: Processes, tmp_path: Path) -> tuple[
 
 
 @pytest.mark.timeout(600)
-def test_what_stops_one_arm_stops_both_in_the_same_cycle_and_the_pane_is_not_torn(
+def test_both_arms_stop_together(
     recorded: tuple[Path, Verdict],
 ) -> None:
     path, judged = recorded

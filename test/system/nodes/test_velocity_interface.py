@@ -16,7 +16,7 @@ MODULES = {"controller": "slip_vic_controller.main", "bridge": "slip_sim_bridge.
 SOME = 50
 
 
-def test_velocities_go_out_and_end_at_zero_on_sigint(processes: Processes, tmp_path: Path, ros_node: Any) -> None:
+def test_velocities_end_at_zero(processes: Processes, tmp_path: Path, ros_node: Any) -> None:
     from rclpy.executors import SingleThreadedExecutor
     from sensor_msgs.msg import JointState
     from std_msgs.msg import Float64MultiArray

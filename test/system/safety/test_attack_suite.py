@@ -30,7 +30,7 @@ def test_promise_is_kept_under_attack(tmp_path: Path) -> None:
     assert [row["kept"] for row in written] == [True] * len(names)
 
 
-def test_monitor_sees_steep_commands_and_a_dead_node(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_monitor_sees_violations(monkeypatch: pytest.MonkeyPatch) -> None:
     def kill(stage: suite.Stage) -> str:
         stage.wait(3.0)
         stage._nodes["bridge"].send(9)

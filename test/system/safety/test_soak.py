@@ -6,20 +6,12 @@ import json
 import subprocess
 import sys
 import time
-from functools import partial
 from pathlib import Path
-from typing import Any
 
 import psutil
 import pytest
-import rclpy
 from click.testing import CliRunner
-from std_srvs.srv import Trigger
 
-from slip_msgs_py.messages import to_msgs
-from slip_msgs_py.qos import create_publisher
-from slip_vic.run.domain import domain_id
-from test.campaigns.operator import STEPS, operator_of
 from test.campaigns.soak.cli import soak
 from test.campaigns.soak.growth import Limits, Sample, growth_of, robust_slope
 from test.campaigns.soak.run import sample_process
@@ -61,33 +53,6 @@ def test_a_process_that_leaks_is_seen() -> None:
     assert growth.memory_mib.rise > 1.0
     words = growth.grows(Limits())
     assert [word.split(" by ")[0] for word in words] == ["memory", "open files"]
-
-
-def test_an_operator_ends_a_fault_that_lasts(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("ROS_DOMAIN_ID", raising=False)
-    asked: list[str] = []
-
-    def answer(name: str, _request: Any, response: Any) -> Any:
-        asked.append(name)
-        response.success = True
-        return response
-
-    with domain_id() as domain, operator_of(domain) as operator:
-        node = rclpy.create_node("stand_in", context=operator.executor.context)
-        for owner, service in STEPS:
-            node.create_service(Trigger, f"{owner}/{service}", partial(answer, service))
-        mode = create_publisher(node, "controller/mode")
-        operator.executor.add_node(node)
-        for text in ("ACTIVE", "FAULT: a joint is too fast"):
-            mode.publish(to_msgs.string(text))
-            deadline = time.monotonic() + 20.0
-            while operator.mode != text.partition(":")[0] and time.monotonic() < deadline:
-                operator.attend(0.05)
-        while len(asked) < len(STEPS) and time.monotonic() < deadline:
-            operator.attend(0.05)
-        node.destroy_node()
-    assert asked == [service for _, service in STEPS]
-    assert operator.faults == ["a joint is too fast"]
 
 
 def test_a_short_soak_runs_and_reports(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,13 +16,11 @@ from slip_vic_controller.arm.command import (
     UNNOTICED,
     Interface,
     ignored_joint,
-    return_to,
 )
-from slip_vic_controller.safety.modes import Mode, Request
+from slip_vic_controller.safety.modes import Mode
 from test.support.call import call
 from test.support.watched_loop import WatchedLoop
 
-DRIVES = ("velocity_500", "velocity_125", "position_250")
 T, N = 2e-3, 3
 
 
@@ -52,7 +50,7 @@ class Paused(WatchedLoop):
         ("glass_transport", "position_250", "governed"), ("vertical_plane", "velocity_500", "vic"),
     ],
 )  # fmt: skip
-def test_an_arm_that_was_paused_is_not_thrown_when_commands_count_again(name: str, drive: str, law: str) -> None:
+def test_paused_arm_is_not_thrown(name: str, drive: str, law: str) -> None:
     """It went off at 0.4 to 2.8 rad/s, and position_250 lost the object in all three scenarios."""
     run = Paused(drive, law, name)
     result = run.pause(1500)
@@ -61,19 +59,6 @@ def test_an_arm_that_was_paused_is_not_thrown_when_commands_count_again(name: st
     run.fastest = 0.0
     assert run.cycles(500).mode == Mode.FAULT
     assert run.fastest < 0.02
-    assert run.slip < 5e-4
-
-
-@pytest.mark.parametrize("drive", DRIVES)
-def test_it_goes_on_to_its_goal_after_reset_and_enable(drive: str) -> None:
-    run = Paused(drive)
-    run.pause(1500)
-    run.loop.session.request(Request.RESET_FAULT)
-    assert run.cycles(50).mode == Mode.HOLD
-    run.loop.session.request(Request.ENABLE)
-    result = run.cycles(5500)
-    assert result.mode.follows
-    assert result.record.law.error_linear < 1e-3
     assert run.slip < 5e-4
 
 
@@ -87,7 +72,7 @@ def command(**values: Any) -> tuple[Any, Any]:
     return config, state
 
 
-def test_a_joint_ignores_commands_that_it_follows_by_less_than_half() -> None:
+def test_ignored_joint() -> None:
     for commanded, share, ignored in (
         (0.2, 0.0, True), (0.2, 0.45, True), (0.2, 0.55, False), (-0.2, 0.0, True), (0.2, 1.55, True),
         (0.9 * UNNOTICED, 0.0, False), (1.1 * UNNOTICED, 0.0, True),
@@ -97,22 +82,3 @@ def test_a_joint_ignores_commands_that_it_follows_by_less_than_half() -> None:
         assert (max(seen) == 1) is ignored, (commanded, share)
         if ignored:
             assert IGNORED_S <= T * (1 + seen.index(1)) < IGNORED_S + 0.1
-
-
-def test_one_that_follows_with_the_lag_does_not_whatever_it_does() -> None:
-    config, state = command()
-    v = 0.0
-    for k in range(3000):
-        state.velocity[1] = 0.5 * np.sin(25.0 * k * T)
-        v += (1.0 - np.exp(-T / 0.02)) * (state.velocity[1] - v)
-        assert call(ignored_joint, config, state, np.array([0.0, v, 0.0]), T) < 0
-
-
-def test_positions_come_back_to_the_joints_at_half_of_their_speed() -> None:
-    config, state = command(position=(0.1, -0.2, 0.3))
-    q = np.array([0.1, 0.0, 0.2999])
-    call(return_to, config, state, q, T)
-    np.testing.assert_allclose(state.position[:N], (0.1, -0.2 + 0.5 * 2.0 * T, 0.2999), atol=1e-12)
-    for _ in range(200):
-        call(return_to, config, state, q, T)
-    np.testing.assert_allclose(state.position[:N], q, atol=1e-12)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 import numpy as np
 import pytest
 
@@ -18,12 +16,9 @@ from slip_vic_controller.arm.tare import (
     add,
     add_slip,
     add_velocities,
-    at_rest,
     deviation,
     judge_tare,
     measure_at_rest,
-    measure_without_rest,
-    periods_of_joints,
     start_tare,
     take_biases,
 )
@@ -52,7 +47,7 @@ def take(config: TareConfig, state: Tare, weight: np.ndarray, way: float = 0.0) 
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_means_and_spreads_are_those_of_numpy(seed: int) -> None:
+def test_means_and_spreads_match_numpy(seed: int) -> None:
     rng, config, state = np.random.default_rng(seed), bounds(), begun()
     slips = rng.normal(rng.normal(size=6), 0.01, (SAMPLES, 6))
     velocities = rng.normal(rng.normal(size=N), 0.003, (SAMPLES, N))
@@ -75,7 +70,7 @@ def test_means_and_spreads_are_those_of_numpy(seed: int) -> None:
         (Sensor.JOINTS, 6, -0.03),
     ],
 )
-def test_a_bias_out_of_bounds_is_named_with_axis_and_size(sensor: Sensor, axis: int, bias: float) -> None:
+def test_excess_bias_names_axis(sensor: Sensor, axis: int, bias: float) -> None:
     config, state = bounds(), begun()
     for _ in range(SAMPLES):
         slip, wrench, qd = np.zeros(6), np.zeros(6), np.zeros(N)
@@ -114,46 +109,7 @@ def test_outliers_are_neither_bias_nor_noise(seed: int) -> None:
     assert deviation(state.slip.squares[:3].max(), state.slip.count) < 1.2e-3
 
 
-def test_deviation_is_that_of_two_samples_or_more() -> None:
-    assert [deviation(squares, count) for squares, count in ((3.0, 0), (3.0, 1), (9.0, 2), (8.0, 3))] == [
-        0.0,
-        0.0,
-        3.0,
-        2.0,
-    ]
-
-
-def test_a_bias_of_the_joints_is_found_beside_a_wrench_that_has_none() -> None:
-    config, state = bounds(), begun()
-    for _ in range(SAMPLES):
-        add(state.wrench, np.zeros(6), 6)
-        add_velocities(config, state, np.array([0.0, 0.03, 0.0, 0.0, 0.0, 0.0, 0.0]))
-    assert (judge_tare(config, state).sensor, judge_tare(config, state).axis) == (Sensor.JOINTS, 1)
-
-
-def test_a_bias_beyond_all_bounds_is_the_majority() -> None:
-    config, state = bounds(), begun()
-    for _ in range(SAMPLES):
-        add_slip(config, state, np.array([0.5, 0, 0, 0, 0, 0]))
-    assert judge_tare(config, state).size == pytest.approx(0.5)
-
-
-def test_few_samples_accuse_nobody() -> None:
-    config, state = bounds(), begun()
-    for _ in range(4):
-        add(state.slip, np.full(6, 9.0), 6)
-    assert judge_tare(config, state).sensor == Sensor.NONE
-
-
-def test_rest_is_seen_in_positions() -> None:
-    config, q = bounds(), np.zeros(N)
-    moved = q.copy()
-    moved[3] = 0.0051
-    assert at_rest(config, q, moved * 0.9, 0.5)
-    assert not at_rest(config, q, moved, 0.5)
-
-
-def test_a_bias_is_taken_out_and_noise_is_not() -> None:
+def test_bias_is_removed_noise_is_not() -> None:
     """A mean is a bias from four of its standard deviations on; a dead band that reads zero has none."""
     config, state, rng = bounds(), begun(), np.random.default_rng(3)
     for _ in range(SAMPLES):
@@ -174,7 +130,7 @@ WEIGHT = np.array([0.0, 3.0, -4.0, 0.1, 0.0, 0.0])
 
 
 @pytest.mark.parametrize(("share", "accused"), [(0.4, Sensor.NONE), (-0.4, Sensor.NONE), (0.8, Sensor.WRENCH)])
-def test_a_wrench_of_another_mass_is_no_bias(share: float, accused: Sensor) -> None:
+def test_wrong_mass_is_no_bias(share: float, accused: Sensor) -> None:
     """Up to half of the weight; what is across it is a bias all the same."""
     config, state, bias = bounds(), begun(), np.array([0.2, 0.08, 0.06, 0, 0, 0])
     for _ in range(SAMPLES):
@@ -185,7 +141,7 @@ def test_a_wrench_of_another_mass_is_no_bias(share: float, accused: Sensor) -> N
     np.testing.assert_allclose(state.wrench_bias, bias if accused == Sensor.NONE else 0.0, atol=1e-12)
 
 
-def test_a_slow_motion_is_no_bias_of_the_velocities() -> None:
+def test_slow_motion_is_no_bias() -> None:
     """What counts as rest may be faster than a bias that matters."""
     config, rng = bounds(), np.random.default_rng(1)
     for speed, bias in ((0.0, 0.01), (0.006, 0.0), (-0.006, 0.01)):
@@ -196,18 +152,7 @@ def test_a_slow_motion_is_no_bias_of_the_velocities() -> None:
         np.testing.assert_allclose(state.velocity_bias[:N], bias, atol=3e-4)
 
 
-def test_what_is_out_of_bounds_is_not_taken_out() -> None:
-    config, state = bounds(), begun()
-    for _ in range(SAMPLES):
-        add(state.slip, np.array([0.01, 0, 0, 0, 0, 0]), 6)
-        add(state.wrench, np.array([5.0, 0, 0, 0, 0, 0]), 6)
-    take(config, state, np.zeros(6))
-    assert (state.sensor, state.worst, state.bound) == (Sensor.WRENCH, 5.0, config.force)
-    assert not state.slip_bias.any()
-    assert not state.wrench_bias.any()
-
-
-def test_the_time_of_rest_begins_anew_where_a_joint_moves() -> None:
+def test_motion_restarts_the_tare() -> None:
     config, state, q, ms = bounds(), begun(), np.zeros(N), 1_000_000
     config.duration_ns = 100 * ms
     over = [measure_at_rest(config, state, t * ms, q, np.zeros(N)) for t in range(60)]
@@ -216,57 +161,8 @@ def test_the_time_of_rest_begins_anew_where_a_joint_moves() -> None:
     assert state.velocity.count == 101
 
 
-def test_what_is_measured_without_rest_is_noise_and_rest_begins_anew_after_it() -> None:
-    config, state, q, ms = bounds(), begun(), np.zeros(N), 1_000_000
-    config.duration_ns = 100 * ms
-    rng = np.random.default_rng(3)
-    for t in range(30):
-        measure_at_rest(config, state, t * ms, q, 5e-3 * rng.normal(size=N))
-    for _ in range(ROUGH):
-        measure_without_rest(config, state, 5e-3 * rng.normal(size=N), False)
-    assert state.rough
-    over = [measure_at_rest(config, state, t * ms, q, np.zeros(N)) for t in range(80, 181)]
-    assert over.index(True) == 100
-    assert state.velocity.count == 101
-
-
-def test_what_was_found_wrong_is_no_noise() -> None:
-    """Five damaged velocities among fifty hid every velocity from then on: an arm in FAULT moved unseen."""
-    config, state, q, ms = bounds(), begun(), np.zeros(N), 1_000_000
-    rng = np.random.default_rng(4)
-    for t in range(ROUGH + 1):
-        damaged = 10.0 if 20 <= t < 25 else 0.0
-        measure_at_rest(config, state, t * ms, q, damaged * rng.normal(size=N) + 1e-3 * rng.normal(size=N))
-    assert deviation(state.change.squares[0], state.change.count) > 1.0
-    for k in range(ROUGH + 1):
-        measure_without_rest(config, state, 1e-3 * rng.normal(size=N), True)
-        assert bool(state.rough) is (k == ROUGH)
-    spread = [deviation(state.change.squares[j], state.change.count) for j in range(N)]
-    np.testing.assert_allclose(spread, np.sqrt(2.0) * 1e-3, rtol=0.4)
-
-
-def periods_of(runs: Iterable[int]) -> int:
-    """Return what a tare finds where each velocity is sent so many times."""
-    config, state, rng = bounds(), begun(), np.random.default_rng(6)
-    sent = [velocity for run in runs for velocity in run * [1e-3 * rng.normal(size=N)]]
-    for velocity in sent[: ROUGH + 1]:
-        add_velocities(config, state, velocity)
-    assert state.rough
-    return periods_of_joints(state)
-
-
-def test_joint_states_that_are_sent_again_are_counted_where_they_are_regular() -> None:
-    rng = np.random.default_rng(8)
-    for periods in (1, 2, 4, 8, 10):
-        assert periods_of(60 * [periods]) == periods
-    assert periods_of([4, 5, 4, 3] * 20) == 4  # two clocks
-    assert periods_of([100]) == 1  # at rest, without noise
-    for _ in range(20):
-        assert periods_of(rng.geometric(0.1, size=60)) == 1  # an encoder that is read in steps, at rest
-
-
 @pytest.mark.parametrize("speed", [0.0, 0.1])
-def test_noise_of_joint_velocities_is_known_before_the_arm_rests(speed: float) -> None:
+def test_velocity_noise_found_before_rest(speed: float) -> None:
     """From differences, in which a motion that is slow against the control period cancels."""
     config, state, rng = bounds(), begun(), np.random.default_rng(5)
     for k in range(ROUGH + 1):

@@ -30,7 +30,7 @@ def loads(scenario: str, source: str, until_s: float) -> list[list[Array]]:
         ("vertical_plane", 0.5, 0.025, 0.01), ("glass_transport", 0.5, 0.025, 0.01),
     ],
 )  # fmt: skip
-def test_the_models_load_is_that_of_a_sensor(scenario: str, until_s: float, force: float, torque: float) -> None:
+def test_model_load_matches_sensor(scenario: str, until_s: float, force: float, torque: float) -> None:
     """That of each contact on the axes of its own pad."""
     pairs = zip(loads(scenario, "none", until_s), loads(scenario, "sensor", until_s), strict=True)
     for model, measured in pairs:
@@ -39,7 +39,7 @@ def test_the_models_load_is_that_of_a_sensor(scenario: str, until_s: float, forc
         assert beyond[:, 3:].max() < torque
 
 
-def test_the_simulation_has_no_wrench_sensor_then() -> None:
+def test_simulation_without_wrench_sensor() -> None:
     """So neither bridge nor recorder waits for a subscription to its topic."""
     world = load_scenario("paper_planar", law="governed", sensor="event_1000", assignments=(NONE,))
     assert world.bridge.sensors.wrench.silent

@@ -10,7 +10,7 @@ from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.law.law import EVALUATION
 from slip_vic_controller.path.paths import REFERENCE
 from slip_vic_controller.safety.arbitration import watch_for_blindness
-from slip_vic_controller.safety.drop_detection import DROP_DETECTION, OBSERVED, forget, observe_motion
+from slip_vic_controller.safety.drop_detection import DROP_DETECTION, OBSERVED, observe_motion
 from slip_vic_controller.sizes import NEVER
 from test.support.call import call
 
@@ -38,24 +38,13 @@ class Detection:
         return self.observed
 
 
-def test_what_is_forgotten_leaves_nothing_of_what_was_seen() -> None:
-    d, fresh = Detection(), Detection()
-    d.observed.known, d.observed.fall_speed = 1, 0.7
-    d.observed.evidence[:], d.observed.twist[:] = 0.1, 0.3
-    d.observed.moves, d.observed.path_speed, d.observed.blind_since_ns = 1, 0.3, 5
-    call(forget, d.observed, NEVER)
-    assert d.observed == fresh.observed
-    call(forget, d.observed, 7)
-    assert d.observed.blind_since_ns == 7
-
-
 def fallen(d: Detection, ticks: int = 100) -> float:
     for _ in range(ticks):
         d.observe(0.001)
     return float(d.observed.fall_speed)
 
 
-def test_what_slips_downwards_falls_and_nothing_else_does() -> None:
+def test_only_downward_slip_is_a_fall() -> None:
     """Pads that hold with their normal force along z of the pad: gravity in the plane of slip, or along its normal."""
     expected = {
         "follows it": 0.3, "left behind": 0.3, "upwards": 0.0, "sideways": 0.0, "held": 0.0, "along the normal": 0.0,
@@ -75,7 +64,7 @@ def test_what_slips_downwards_falls_and_nothing_else_does() -> None:
         assert fallen(d) == pytest.approx(speed, abs=EQUAL), what
 
 
-def test_no_wrench_makes_a_fall_and_one_wrong_slip_sample_none() -> None:
+def test_neither_wrench_nor_outlier_is_a_fall() -> None:
     """Of an object lighter than told a wrench says that it accelerates down; it falls no faster than gravity allows."""
     d = Detection()
     d.config.down[:], d.law.slip_speed = (0.0, -1.0, 0.0), 0.02
@@ -87,7 +76,7 @@ def test_no_wrench_makes_a_fall_and_one_wrong_slip_sample_none() -> None:
     assert fallen(d, 1) == 0.0
 
 
-def test_a_pad_that_leaves_its_object_is_evidence_of_slip() -> None:
+def test_pad_leaving_object_is_evidence() -> None:
     """The pad gains 0.1 m/s in the plane of slip that the wrench does not give to the object; and it is forgotten."""
     d = Detection()
     d.observe(0.001)
@@ -108,7 +97,7 @@ def test_a_pad_that_leaves_its_object_is_evidence_of_slip() -> None:
     assert np.linalg.norm(d.observed.evidence) < 1e-4
 
 
-def test_a_sensor_is_blind_since_it_shows_less_than_a_tenth_of_the_evidence() -> None:
+def test_blind_below_a_tenth_of_evidence() -> None:
     d = Detection()
     observed = d.buffers[1]
 

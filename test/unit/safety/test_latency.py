@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import pytest
 
 from slip_core.records import new, record
@@ -11,7 +9,6 @@ from slip_vic_controller.safety.latency import (
     DECAY_S,
     LATENCY,
     SLIP_LATENCY,
-    STEADY_NS,
     measure_latency,
     measure_slip_latency,
     whole_cycles,
@@ -39,7 +36,7 @@ def test_clocks_need_not_agree() -> None:
     assert state.most_ns == 0
 
 
-def test_one_late_answer_does_not_count_and_five_do() -> None:
+def test_one_late_answer_does_not_count() -> None:
     _, good = run([1.0] * 20)
     assert run([30.0], good)[0].most_ns == 0
     late, _ = run([30.0] * 6, good)
@@ -47,28 +44,12 @@ def test_one_late_answer_does_not_count_and_five_do() -> None:
     assert late.most_ns == pytest.approx(29 * MS, rel=1e-2)
 
 
-def test_a_lasting_delay_is_not_forgotten_and_one_that_ends_is() -> None:
+def test_lasting_delay_is_remembered() -> None:
     late, buffer = run([30.0] * 2000, run([1.0] * 20)[1])
     assert late.last_ns == pytest.approx(29 * MS, rel=1e-2)
     over, _ = run([1.0] * round(5 * DECAY_S / 0.004), buffer)
     assert over.in_a_row == 0
     assert over.most_ns < 0.02 * late.most_ns
-
-
-def test_clocks_that_drift_apart_are_not_late() -> None:
-    buffer = new(LATENCY)
-    for k in range(20_000):
-        stamp_ns = k * 4 * MS
-        call(measure_latency, buffer, stamp_ns + round(2e-4 * stamp_ns), stamp_ns, 4 * MS, 12 * MS)
-    assert record(buffer, LATENCY).most_ns < 1 * MS
-
-
-def test_from_the_steady_limit_on_the_least_time_stays() -> None:
-    for above_ns, drifts in ((STEADY_NS - 1, True), (STEADY_NS, False)):
-        buffer = new(LATENCY)
-        state = record(buffer, LATENCY)
-        state.known, state.least_ns, state.last_ns = 1, MS, above_ns
-        assert bool(run([20.0], buffer)[0].least_ns > MS) is drifts
 
 
 class Slips:
@@ -86,7 +67,7 @@ class Slips:
         return call(whole_cycles, self.buffer, MS)
 
 
-def test_period_and_age_of_slip_samples_in_whole_cycles() -> None:
+def test_slip_period_and_age() -> None:
     slips = Slips()
     assert slips.take(0.0, 0.0) == (1, 0)
     assert slips.take(5.0, 5.0) == (5, 0)
@@ -97,18 +78,3 @@ def test_period_and_age_of_slip_samples_in_whole_cycles() -> None:
     assert slips.take(24.0, 20.0) == (5, 3)  # the same one again
     assert slips.take(25.0, 19.0)[0] == 5  # a late sample does not count as a period
     assert slips.take(28.1, 24.0, 28.0)[0] == 5  # 4 and 4 ms, where it was 5
-
-
-def test_a_bad_time_is_made_up_for_by_hundreds_of_good_ones() -> None:
-    slips = Slips()
-    slips.take(0.0, 0.0)
-    slips.take(40.0, 20.0)
-    t = 40.0
-    for _ in range(1000):
-        t += 1.0
-        held, late = slips.take(t, t)
-    assert (held, late) == (1, 0)
-    state = record(slips.buffer, SLIP_LATENCY)
-    assert state.period_ns == pytest.approx(MS, rel=0.01)
-    assert math.isclose(state.latency_ns, 0.0, abs_tol=0.01 * 20 * MS)
-    assert state.newest_ns == round(t * MS)
