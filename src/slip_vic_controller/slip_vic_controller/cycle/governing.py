@@ -7,7 +7,7 @@ import math
 from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.records import Records
-from slip_core.vectors import ZERO, Mat, Spatial, Vec, mat, spatial, vec
+from slip_core.vectors import NOTHING, Mat, Spatial, Vec, mat, spatial, vec
 from slip_vic_controller.contact.friction_estimate import (
     end_slip,
     provisional,
@@ -35,9 +35,8 @@ from slip_vic_controller.path.goals import (
     refuse_goal,
     rest_at,
     screen_goal,
-    standing,
 )
-from slip_vic_controller.path.paths import Reference, put_reference, reference_at
+from slip_vic_controller.path.paths import Reference, put_reference, reference_at, standing
 from slip_vic_controller.path.stream import (
     at,
     drop_passed,
@@ -132,7 +131,7 @@ def rest_after_hold(config: ControllerConfig, task: TaskState, arm: Arm) -> None
     It is given up after a reset, and where the law could not be evaluated on the way, so that the arm can be enabled
     again whatever the goal was.
     """
-    here = Reference(vec(arm.position), mat(arm.rotation), Spatial(ZERO, ZERO), Spatial(ZERO, ZERO))
+    here = Reference(vec(arm.position), mat(arm.rotation), NOTHING, NOTHING)
     if task.reference_known != 0:
         put_reference(task.reference, here)
     if task.forgets != 0 and config.goals.on != 0:

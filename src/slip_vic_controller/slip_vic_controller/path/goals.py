@@ -11,9 +11,9 @@ from enum import IntEnum, unique
 
 from slip_core.compiled import part
 from slip_core.records import Mat3, Real, Record, Vec3, Whole, dtype_of
-from slip_core.vectors import NOTHING, Spatial, mat, put, put_mat, vec
+from slip_core.vectors import Spatial, mat, put, put_mat, put_spatial, vec
 from slip_vic_controller.law.rotation import logarithm
-from slip_vic_controller.path.paths import HOLD, POLYNOMIALS, Path, Reference, reference_at
+from slip_vic_controller.path.paths import HOLD, POLYNOMIALS, Path, Reference, put_quintic, reference_at
 
 
 @unique
@@ -82,12 +82,6 @@ def goal_at(goal: Goal, time: float) -> Reference:
 
 
 @part
-def standing(reference: Reference) -> Reference:
-    """Return the pose of a reference, at rest."""
-    return Reference(reference.position, reference.rotation, NOTHING, NOTHING)
-
-
-@part
 def rest_at(goal: Goal, reference: Reference) -> None:
     """Rest at the pose of a reference."""
     put(goal.position, reference.position)
@@ -112,21 +106,12 @@ def begin_goal(goal: Goal, now: Reference) -> None:
     path, h = goal.path, float(goal.duration)
     path.kind, path.segments, path.knot[0], path.knot[1] = POLYNOMIALS, 1, 0.0, h
     for i in range(3):
-        quintic_to(path, i, h, way.linear[i], now.twist.linear[i], now.acceleration.linear[i])
-        quintic_to(path, 3 + i, h, way.angular[i], now.twist.angular[i], now.acceleration.angular[i])
+        moves = 0.0, now.twist.linear[i], now.acceleration.linear[i]
+        turns = 0.0, now.twist.angular[i], now.acceleration.angular[i]
+        put_quintic(path.polynomial[0, i], h, moves, (way.linear[i], 0.0, 0.0))
+        put_quintic(path.polynomial[0, 3 + i], h, turns, (way.angular[i], 0.0, 0.0))
+    put_spatial(path.end, way)
     goal.number, goal.pending = goal.received, 0
-
-
-@part
-def quintic_to(path: Path, i: int, h: float, p: float, v: float, a: float) -> None:
-    """Write coordinate i of a quintic from 0, with velocity v and acceleration a, to rest at p after h [s]."""
-    c = path.polynomial[0, i]
-    d, dv, da = p - h * v - 0.5 * h * h * a, -(v + h * a) * h, -a * h * h
-    c[0], c[1], c[2] = 0.0, v, 0.5 * a
-    c[3] = (10.0 * d - 4.0 * dv + 0.5 * da) / (h * h * h)
-    c[4] = (-15.0 * d + 7.0 * dv - da) / (h * h * h * h)
-    c[5] = (6.0 * d - 3.0 * dv + 0.5 * da) / (h * h * h * h * h)
-    path.end[i] = p
 
 
 @part

@@ -7,12 +7,12 @@ before 0 and after its end; the reference is made from it in one place, so angul
 from __future__ import annotations
 
 import math
-from typing import Annotated, Final, NamedTuple, Protocol
+from typing import Annotated, Final, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
 from slip_core.arrays import Array
-from slip_core.compiled import IN1, OUT2, VOID, kernel, part
+from slip_core.compiled import IN1, IN2, OUT1, OUT2, VOID, kernel, part
 from slip_core.errors import InputError
 from slip_core.records import Mat3, Real, Record, Vec3, Vec6, Whole, dtype_of, new, record
 from slip_core.vectors import NOTHING, Mat, Spatial, Vec, mat, put, put_mat, put_spatial, spatial, vec
@@ -71,6 +71,8 @@ LEMNISCATE: Final = 3
 
 PLANES = {"xy": (0, 1), "yz": (1, 2), "zx": (2, 0)}
 
+Value = TypeVar("Value", float, Vec)
+
 
 class PathPoint(NamedTuple):
     """Displacement and rotation vector [m, rad] {w}, with first and second time derivative."""
@@ -116,12 +118,18 @@ def on_object(planned: Reference, start: Mat, lever: Vec) -> Reference:
         start: attitude of the pad there.
         lever: the pad as seen from the centre of mass, fixed on the object [m] {ee}.
     """
-    r, w = planned.rotation @ lever, planned.twist.angular
-    a, alpha = planned.acceleration.linear, planned.acceleration.angular
+    moved = offset(planned, planned.rotation @ lever)
+    return Reference(moved.position - start @ lever, moved.rotation, moved.twist, moved.acceleration)
+
+
+@part
+def offset(reference: Reference, r: Vec) -> Reference:
+    """Return the motion of a point fixed at r [m] {w} from that of a reference on the same body."""
+    w, a, alpha = reference.twist.angular, reference.acceleration.linear, reference.acceleration.angular
     return Reference(
-        planned.position + (r - start @ lever),
-        planned.rotation,
-        Spatial(planned.twist.linear + w.cross(r), w),
+        reference.position + r,
+        reference.rotation,
+        Spatial(reference.twist.linear + w.cross(r), w),
         Spatial(a + alpha.cross(r) + w.cross(w.cross(r)), alpha),
     )
 
@@ -137,14 +145,14 @@ def relative(first: Started, other: Started, out: Grasp) -> None:
 @part
 def carried(reference: Reference, grasp: Grasp) -> Reference:
     """Return the motion of a pad on an object whose first pad moves by a reference; GRASP of the pad."""
-    r, w = reference.rotation @ vec(grasp.position), reference.twist.angular
-    a, alpha = reference.acceleration.linear, reference.acceleration.angular
-    return Reference(
-        reference.position + r,
-        reference.rotation @ mat(grasp.rotation),
-        Spatial(reference.twist.linear + w.cross(r), w),
-        Spatial(a + alpha.cross(r) + w.cross(w.cross(r)), alpha),
-    )
+    moved = offset(reference, reference.rotation @ vec(grasp.position))
+    return Reference(moved.position, moved.rotation @ mat(grasp.rotation), moved.twist, moved.acceleration)
+
+
+@part
+def standing(reference: Reference) -> Reference:
+    """Return the pose of a reference, at rest."""
+    return Reference(reference.position, reference.rotation, NOTHING, NOTHING)
 
 
 @part
@@ -282,7 +290,7 @@ def make_path(params: TrajectoryParams) -> Array:
     path = record(buffer, PATH)
     if params.kind == "quintic":
         goal = np.array([np.zeros(6), [*params.displacement, *params.rotation]])
-        fill_segments(path, np.array([0.0, params.duration_s]), goal, np.zeros((2, 6)), np.zeros((2, 6)))
+        fill_segments(buffer, np.array([0.0, params.duration_s]), goal, np.zeros((2, 6)), np.zeros((2, 6)))
     elif params.kind == "waypoints":
         points = np.vstack([np.zeros(6), np.array(params.waypoints).reshape(-1, 6)])
         times = np.linspace(0.0, params.duration_s, len(points))
@@ -293,7 +301,7 @@ def make_path(params: TrajectoryParams) -> Array:
         spline = CubicSpline(times, points, bc_type="clamped")
         rate_rates = spline(times, 2)
         rate_rates[[0, -1]] = 0.0
-        fill_segments(path, times, points, spline(times, 1), rate_rates)
+        fill_segments(buffer, times, points, spline(times, 1), rate_rates)
     elif params.kind in ("circle", "lemniscate"):
         path.kind = CIRCLE if params.kind == "circle" else LEMNISCATE
         path.speed, path.ramp, path.duration = 2.0 * math.pi / params.period_s, params.ramp_s, params.duration_s
@@ -303,34 +311,47 @@ def make_path(params: TrajectoryParams) -> Array:
     return buffer
 
 
-def fill_segments(path: Path, times: Array, values: Array, rates: Array, rate_rates: Array) -> None:
+def fill_segments(buffer: Array, times: Array, values: Array, rates: Array, rate_rates: Array) -> None:
     """Write quintic segments through given points to a PATH; knots (k,) [s] that grow from 0, points (k, 6) each.
 
     Raises:
         InputError: more segments than MAX_SEGMENTS.
     """
-    count = len(times) - 1
+    path, count = record(buffer, PATH), len(times) - 1
     if count > MAX_SEGMENTS:
         raise InputError("parameter trajectory.waypoints", got=f"{count} points", expected=f"at most {MAX_SEGMENTS}")
     path.kind, path.segments = POLYNOMIALS, count
     path.knot[: count + 1] = times
     path.end[:] = values[-1]
-    for i in range(count):
-        ends = (a[j] for j in (i, i + 1) for a in (values, rates, rate_rates))
-        path.polynomial[i] = _quintic(times[i + 1] - times[i], *ends)
+    join(buffer, values, rates, rate_rates)
 
 
-def _quintic(h: float, p0: Array, v0: Array, a0: Array, p1: Array, v1: Array, a1: Array) -> Array:
-    """Return the coefficients (6, 6 powers) of the quintic with these ends; h [s]."""
-    d = p1 - p0 - h * v0 - 0.5 * h * h * a0
-    dv = (v1 - v0 - h * a0) * h
-    da = (a1 - a0) * h * h
-    powers = (
-        p0,
-        v0,
-        0.5 * a0,
-        (10.0 * d - 4.0 * dv + 0.5 * da) / h**3,
-        (-15.0 * d + 7.0 * dv - da) / h**4,
-        (6.0 * d - 3.0 * dv + 0.5 * da) / h**5,
+@kernel(VOID(OUT1, IN2, IN2, IN2))
+def join(path: Array, values: Array, rates: Array, rate_rates: Array) -> None:
+    """Write the quintics between the knots of a PATH; points (k, 6) and their two rates."""
+    shape = record(path, PATH)
+    for i in range(shape.segments):
+        for k in range(6):
+            begin = values[i, k], rates[i, k], rate_rates[i, k]
+            end = values[i + 1, k], rates[i + 1, k], rate_rates[i + 1, k]
+            put_quintic(shape.polynomial[i, k], shape.knot[i + 1] - shape.knot[i], begin, end)
+
+
+@part
+def put_quintic(c: Array, h: float, begin: tuple[float, float, float], end: tuple[float, float, float]) -> None:
+    """Write the coefficients (6,) of the quintic over h [s] between two values, each with its two rates."""
+    p, v, a = begin
+    c[0], c[1], c[2] = p, v, 0.5 * a
+    c[3], c[4], c[5] = quintic(h, end[0] - p, v, a, end[1], end[2])
+
+
+@part
+def quintic(h: float, way: Value, v0: Value, a0: Value, v1: Value, a1: Value) -> tuple[Value, Value, Value]:
+    """Return the coefficients of t^3, t^4 and t^5 of the quintic over a way in h [s], with these rates at its ends."""
+    d = way - h * v0 - (0.5 * h * h) * a0
+    dv, da = h * (v1 - v0 - h * a0), (h * h) * (a1 - a0)
+    return (
+        (1.0 / (h * h * h)) * (10.0 * d - 4.0 * dv + 0.5 * da),
+        (1.0 / (h * h * h * h)) * (-15.0 * d + 7.0 * dv - da),
+        (1.0 / (h * h * h * h * h)) * (6.0 * d - 3.0 * dv + 0.5 * da),
     )
-    return np.array(powers).T

@@ -13,7 +13,7 @@ from typing import Annotated, Final
 
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Records, Whole, dtype_of
-from slip_core.vectors import Mat, Spatial, Vec
+from slip_core.vectors import NOTHING, Mat, Spatial, Vec
 from slip_vic_controller.governor.layouts import Governor
 from slip_vic_controller.governor.load import Held
 from slip_vic_controller.governor.plan import Along, GridPoint, left_for_motion, most, take_point
@@ -24,7 +24,7 @@ from slip_vic_controller.law.rotation import (
     left_jacobian_rate,
     logarithm,
 )
-from slip_vic_controller.path.paths import DesiredMotion, Reference, put_reference, read_reference
+from slip_vic_controller.path.paths import DesiredMotion, Reference, put_reference, quintic, read_reference, standing
 from slip_vic_controller.sizes import NEVER
 
 STREAM_POINTS: Final = 64
@@ -70,8 +70,7 @@ STREAM = dtype_of(Stream)
 @part
 def rest_stream(stream: Stream, position: Vec, rotation: Mat) -> None:
     """Discard all samples, and rest at a pose [m] {w}."""
-    nothing = Spatial(Vec(0.0, 0.0, 0.0), Vec(0.0, 0.0, 0.0))
-    put_reference(stream.rests, Reference(position, rotation, nothing, nothing))
+    put_reference(stream.rests, Reference(position, rotation, NOTHING, NOTHING))
     stream.count, stream.fresh, stream.first_ns = 0, 0, NEVER
 
 
@@ -98,10 +97,7 @@ def take_queued(config: StreamConfig, stream: Stream, state: Governor, now_ns: i
         waits = n > 0 and state.rate == 0.0 and state.time >= stream.points[n - 1].time
         if n == 0 or waits:
             if waits:
-                put_reference(stream.rests, at(stream, state.time))
-                rests = read_reference(stream.rests)
-                nothing = 0.0 * rests.twist
-                put_reference(stream.rests, Reference(rests.position, rests.rotation, nothing, nothing))
+                put_reference(stream.rests, standing(at(stream, state.time)))
             stream.samples[0] = stream.rests
             stream.points[0].time = time - config.preview_s
             stream.samples[1] = item.reference
@@ -210,11 +206,7 @@ def at(stream: Stream, time: float) -> Reference:
 @part
 def between(h: float, t: float, v0: Vec, a0: Vec, p1: Vec, v1: Vec, a1: Vec) -> tuple[Vec, Vec, Vec]:
     """Return value and two rates at t of the quintic from 0 to p1 over h [s], with these rates at both ends."""
-    d = p1 - h * v0 - (0.5 * h * h) * a0
-    dv, da = h * (v1 - v0 - h * a0), (h * h) * (a1 - a0)
-    c3 = (1.0 / (h * h * h)) * (10.0 * d - 4.0 * dv + 0.5 * da)
-    c4 = (1.0 / (h * h * h * h)) * (-15.0 * d + 7.0 * dv - da)
-    c5 = (1.0 / (h * h * h * h * h)) * (6.0 * d - 3.0 * dv + 0.5 * da)
+    c3, c4, c5 = quintic(h, p1, v0, a0, v1, a1)
     return (
         t * v0 + (0.5 * t * t) * a0 + (t * t * t) * (c3 + t * c4 + (t * t) * c5),
         v0 + t * a0 + (t * t) * (3.0 * c3 + (4.0 * t) * c4 + (5.0 * t * t) * c5),
