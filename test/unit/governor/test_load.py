@@ -9,14 +9,11 @@ from slip_vic_controller.cycle.governing import held_by
 from slip_vic_controller.governor.guard import guard_factor
 from slip_vic_controller.governor.load import ALONE, Held, Shared, at_contact, load, size, surface
 from slip_vic_controller.law.contact import CONTACT, SLIP
+from test.referees.governor_paths import skew
 
 SEED, CASES = 5, 60
 ROUNDING = 1e-12
 """Relative: a few hundred operations."""
-
-
-def skew(a):
-    return np.array([[0, -a[2], a[1]], [a[2], 0, -a[0]], [-a[1], a[0], 0.0]])
 
 
 def referee(m, J_o, R_o, R, r, w, a, gravity, axes, rho):
@@ -37,7 +34,7 @@ def referee(m, J_o, R_o, R, r, w, a, gravity, axes, rho):
 def test_load_is_rigid_body_wrench() -> None:
     rng = np.random.default_rng(SEED)
     for _ in range(CASES):
-        R_o, R_c, R_s, R_start = Rotation.random(4, rng).as_matrix()
+        R_o, R_c, R_s = Rotation.random(3, rng).as_matrix()
         position, slip = rng.normal(size=(2, 3)) * 0.03
         A = rng.normal(size=(3, 3))
         J = 1e-3 * (A @ A.T + np.eye(3))
@@ -52,7 +49,6 @@ def test_load_is_rigid_body_wrench() -> None:
         theirs = referee(m, J, R_o, R, r, w, a, gravity, axes, rho)
         np.testing.assert_allclose(np.concatenate(ours), theirs, rtol=0, atol=ROUNDING * np.abs(theirs).max() + 1e-15)
         assert abs(size(ours) - np.linalg.norm(theirs)) <= ROUNDING * np.linalg.norm(theirs)
-        del R_start
 
 
 def test_still_pad_carries_weight() -> None:

@@ -1,4 +1,4 @@
-"""A stream of references under the governor: what is received is followed, slowed down, and never asks too much."""
+"""A stream of references under the governor: it is followed, slowed down, and never overloads friction."""
 
 from __future__ import annotations
 
@@ -34,32 +34,25 @@ from slip_vic_controller.path.stream import (
 )
 from slip_vic_controller.safety.modes import Mode
 from slip_vic_controller.sizes import NEVER
+from test.referees.governor_paths import BentPath
 from test.support.run_maker import goal_message, record_run
 
-WAY, TURN, DURATION_S = np.array([0.4, 0.3, 0.0]), np.array([0.0, 0.0, 0.8]), 2.0
 FIRST = 10
 HELD_M = 1e-7
 TOPIC = "controller.trajectory.kind=topic"
 
 
-def motion(t: float) -> tuple[float, float, float]:
-    """Return value and two rates of a quintic from 0 to 1 at rest over DURATION_S."""
-    x = min(max(t / DURATION_S, 0.0), 1.0)
-    rate = 30.0 * x * x * (1.0 - x) ** 2 / DURATION_S
-    return x**3 * (10.0 - 15.0 * x + 6.0 * x * x), rate, (60.0 * x - 180.0 * x * x + 120.0 * x**3) / DURATION_S**2
-
-
 def test_fast_stream_is_slowed() -> None:
     """The path of paper_planar, streamed at 100 Hz; not governed, the object slips 40 mm on it."""
     loop = ClosedLoop(load_scenario("paper_planar", law="governed", assignments=(TOPIC, "bridge.duration_s=3.0")))
+    path = BentPath([0.4, 0.3, 0.0, 0.0, 0.0, 0.8], 2.0)
     start, poses, twists, waits, modes, slip_m, load = None, [], [], [], set(), 0.0, 0.0
     for tick in range(3000):
         outputs = loop.observe()
         if start is not None and tick >= FIRST and (tick - FIRST) % 10 == 0:
-            p, v, a = motion((tick - FIRST) * 1e-3)
-            R = Rotation.from_rotvec(p * TURN).as_matrix() @ start[1]
-            six, stamp_ns = np.concatenate((WAY, TURN)), 7 * 10**15 + tick * 10**6  # of another clock
-            loop.session.set_reference(CartesianReference(start[0] + p * WAY, R, v * six, a * six, stamp_ns))
+            x, R, v, a = path.at((tick - FIRST) * 1e-3)
+            stamp_ns = 7 * 10**15 + tick * 10**6  # of another clock
+            loop.session.set_reference(CartesianReference(start[0] + x, R @ start[1], v, a, stamp_ns))
         result = loop.control(outputs)
         reference, governor = result.record.reference, result.record.governor
         start = start or (np.array(reference.position), np.array(reference.rotation))
@@ -74,7 +67,7 @@ def test_fast_stream_is_slowed() -> None:
     assert load <= 1.0 + 1e-9
     assert modes <= {Mode.ACTIVE, Mode.DEGRADED}
     assert max(waits) > 0.2, "it is slowed down"
-    assert np.abs(poses[-1] - WAY).max() < 1e-9, "it is followed to its end"
+    assert np.abs(poses[-1] - path.way[:3]).max() < 1e-9, "it is followed to its end"
     assert np.abs(np.diff(poses, axis=0) / 1e-3 - np.array(twists)[:-1, :3]).max() < 1e-2, "twist is that of the pose"
 
 

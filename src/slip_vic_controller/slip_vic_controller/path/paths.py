@@ -272,6 +272,37 @@ def rising(x: float) -> tuple[float, float, float]:
     return x * cube * (2.5 + x * (x - 3.0)), cube * (10.0 + x * (6.0 * x - 15.0)), 30.0 * (both * both)
 
 
+@part
+def quintic(h: float, way: Value, v0: Value, a0: Value, v1: Value, a1: Value) -> tuple[Value, Value, Value]:
+    """Return the coefficients of t^3, t^4 and t^5 of the quintic over a way in h [s], with these rates at its ends."""
+    d = way - h * v0 - (0.5 * h * h) * a0
+    dv, da = h * (v1 - v0 - h * a0), (h * h) * (a1 - a0)
+    return (
+        (1.0 / (h * h * h)) * (10.0 * d - 4.0 * dv + 0.5 * da),
+        (1.0 / (h * h * h * h)) * (-15.0 * d + 7.0 * dv - da),
+        (1.0 / (h * h * h * h * h)) * (6.0 * d - 3.0 * dv + 0.5 * da),
+    )
+
+
+@part
+def put_quintic(c: Array, h: float, begin: tuple[float, float, float], end: tuple[float, float, float]) -> None:
+    """Write the coefficients (6,) of the quintic over h [s] between two values, each with its two rates."""
+    p, v, a = begin
+    c[0], c[1], c[2] = p, v, 0.5 * a
+    c[3], c[4], c[5] = quintic(h, end[0] - p, v, a, end[1], end[2])
+
+
+@kernel(VOID(OUT1, IN2, IN2, IN2))
+def join(path: Array, values: Array, rates: Array, rate_rates: Array) -> None:
+    """Write the quintics between the knots of a PATH; points (k, 6) and their two rates."""
+    shape = record(path, PATH)
+    for i in range(shape.segments):
+        for k in range(6):
+            begin = values[i, k], rates[i, k], rate_rates[i, k]
+            end = values[i + 1, k], rates[i + 1, k], rate_rates[i + 1, k]
+            put_quintic(shape.polynomial[i, k], shape.knot[i + 1] - shape.knot[i], begin, end)
+
+
 @kernel(VOID(IN1, IN1, OUT2))
 def sample_path(path: Array, times: Array, out: Array) -> None:
     """Write displacement and rotation vector at times (k,) [s] of a PATH to `out` (k, 6) [m, rad] {w}."""
@@ -324,34 +355,3 @@ def fill_segments(buffer: Array, times: Array, values: Array, rates: Array, rate
     path.knot[: count + 1] = times
     path.end[:] = values[-1]
     join(buffer, values, rates, rate_rates)
-
-
-@kernel(VOID(OUT1, IN2, IN2, IN2))
-def join(path: Array, values: Array, rates: Array, rate_rates: Array) -> None:
-    """Write the quintics between the knots of a PATH; points (k, 6) and their two rates."""
-    shape = record(path, PATH)
-    for i in range(shape.segments):
-        for k in range(6):
-            begin = values[i, k], rates[i, k], rate_rates[i, k]
-            end = values[i + 1, k], rates[i + 1, k], rate_rates[i + 1, k]
-            put_quintic(shape.polynomial[i, k], shape.knot[i + 1] - shape.knot[i], begin, end)
-
-
-@part
-def put_quintic(c: Array, h: float, begin: tuple[float, float, float], end: tuple[float, float, float]) -> None:
-    """Write the coefficients (6,) of the quintic over h [s] between two values, each with its two rates."""
-    p, v, a = begin
-    c[0], c[1], c[2] = p, v, 0.5 * a
-    c[3], c[4], c[5] = quintic(h, end[0] - p, v, a, end[1], end[2])
-
-
-@part
-def quintic(h: float, way: Value, v0: Value, a0: Value, v1: Value, a1: Value) -> tuple[Value, Value, Value]:
-    """Return the coefficients of t^3, t^4 and t^5 of the quintic over a way in h [s], with these rates at its ends."""
-    d = way - h * v0 - (0.5 * h * h) * a0
-    dv, da = h * (v1 - v0 - h * a0), (h * h) * (a1 - a0)
-    return (
-        (1.0 / (h * h * h)) * (10.0 * d - 4.0 * dv + 0.5 * da),
-        (1.0 / (h * h * h * h)) * (-15.0 * d + 7.0 * dv - da),
-        (1.0 / (h * h * h * h * h)) * (6.0 * d - 3.0 * dv + 0.5 * da),
-    )
