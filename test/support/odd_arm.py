@@ -33,7 +33,7 @@ def odd_arm_urdf() -> str:
         # What does not carry the hand may be as it likes.
         '<link name="wheel"><inertial><mass value="1"/><inertia ixx="0" iyy="-1" izz="0" ixy="0" ixz="0" iyz="0"/>'
         '</inertial></link><joint name="wheel_joint" type="continuous"><parent link="link_0"/><child link="wheel"/>'
-        '<axis xyz="0 1 0"/><limit drake:acceleration="3" effort="6" velocity="10"/></joint>',
+        '<axis xyz="0 1 0"/><limit effort="6" velocity="10"/></joint>',
     ]
     for i, (xyz, axis) in enumerate(_JOINTS, start=1):
         kind = "continuous" if i == 5 else "revolute"

@@ -34,7 +34,6 @@ from slip_msgs_py.realtime import set_up_interpreter
 from slip_msgs_py.ros_params import OWN_TIME, allow_changes, declare_arms
 from slip_sim_bridge import pacing
 from slip_sim_bridge.arm_topics import ArmTopics
-from slip_sim_bridge.frames import FramePublisher
 from slip_sim_bridge.internal import internal_wrenches
 from slip_sim_bridge.pacing import Pacer
 from slip_sim_bridge.params import BridgeParams, object_urdf
@@ -103,10 +102,6 @@ class SlipSimBridge(GuardedNode, Node):
         self._send_timing = None if self._lockstep else create_sender(self, "bridge/timing", timing)
         self._pub_object = create_publisher(self, "object_description")
         self._pub_object.publish(to_msgs.string(object_urdf(common)))
-        self._frames = None
-        if common.publish_tf:
-            arms = [(prefix_of(name), placed[name], arm.joint_names) for name, arm in self._params.items()]
-            self._frames = FramePublisher(self, arms)
         self._send_total = None
         if len(self._arms) > 1:
             self._send_total = create_sender(self, "object/wrench", forms.wrench(to_msgs.WORLD))
@@ -358,8 +353,6 @@ class SlipSimBridge(GuardedNode, Node):
         self._send_object.send(stamp_ns, *to_msgs.odometry_numbers(truth))
         for arm, measured in zip(self._arms, outputs.arms, strict=True):
             arm.publish_truth(stamp_ns, measured)
-        if self._frames is not None:
-            self._frames.publish(stamp_ns, [arm.joint.position for arm in outputs.arms], truth)
         if self._send_total is not None:
             readings = [arm.readings for arm in outputs.arms]
             places, attitudes = zip(*(each.pad for each in readings), strict=True)

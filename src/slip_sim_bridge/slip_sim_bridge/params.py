@@ -18,7 +18,7 @@ _CLOCK_TICKS_PER_S = 1_000_000_000
 
 WORLD = (
     "plant", "substeps", "gravity", "control_period_s", "object", "duration_s", "mode", "wait_for",
-    "stop_after_duration", "publish_tf",
+    "stop_after_duration",
 )  # fmt: skip
 """Parameters that are equal for all arms: there is one world and one object."""
 
@@ -157,7 +157,6 @@ class BridgeParams(ArmParams):
         gt=0.0,
     )
     duration_s: float = parameter(8.0, "simulated time of a run", unit="s", gt=0.0)
-    publish_tf: bool = parameter(False, "publish `/tf` at 50 Hz; needs the package tf2_msgs of a full ROS")
     stop_after_duration: bool = parameter(True, "end the process after duration_s; false runs until stopped")
 
     @model_validator(mode="after")

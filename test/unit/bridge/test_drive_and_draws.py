@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from slip_sim_bridge.sensors.slip import draw_chances, exceeds
+from slip_sim_bridge.sensors.slip import draw_chances
 from slip_sim_bridge.simulation import CLIPPED, NOT_FINITE, OBEYED, drive
 from slip_vic.scenarios.scenario import load_scenario
 
@@ -42,17 +42,6 @@ def test_chances_drawn_ahead_are_those_of_one_draw_after_the_other():
     for row in block:
         assert np.array_equal(row, (*one_by_one.random(2), *one_by_one.standard_normal(6)))
     assert ahead.random() == one_by_one.random()
-
-
-@pytest.mark.parametrize(
-    ("values", "beyond"),
-    [((1.0, -2.0), False), ((1.1, 0.0), True), ((0.0, -2.1), True), ((math.nan, 0.0), False), ((math.inf, 0.0), True)],
-)
-def test_exceeds_compares_sizes(values, beyond):
-    values, bounds = np.array(values), np.array([1.0, 2.0])
-    assert bool(exceeds(values, bounds)) is beyond
-    with np.errstate(invalid="ignore"):
-        assert bool((np.abs(values) > bounds).any()) is beyond
 
 
 def test_a_position_leads_a_joint_by_what_its_speed_makes_good_in_a_period() -> None:

@@ -18,7 +18,7 @@ from slip_description import urdf_text
 from slip_sim_bridge.params import BridgeParams, PushParams
 from slip_sim_bridge.plant import DivergenceError
 from slip_sim_bridge.plant.elastic import LONGEST_STEP, ElasticPlant
-from slip_sim_bridge.plant.elastic_step import ELASTIC_CONTACT, FRAME, elastic_after, fill_rows
+from slip_sim_bridge.plant.elastic_step import FRAME, fill_rows
 from slip_sim_bridge.plant.model import OBJECT, PAD, name_of
 from slip_sim_bridge.session import BridgeSession
 from slip_sim_bridge.simulation import Simulation
@@ -26,7 +26,6 @@ from test.support.call import call
 
 POSTURE = (-0.040646922, 0.138380669, -0.173567454, -2.241908013, -1.709427011, 1.734215231, 0.821351893)
 GRAVITY = np.array((0.0, 0.0, -9.81))
-SIZE = ELASTIC_CONTACT.itemsize // 8
 HALF = 0.7071067811865476
 PUSH = np.array((2.0, -3.0, 1.0, 2.0, 0.5, 0.3, 0.2))
 
@@ -250,14 +249,6 @@ def test_slip_and_deflection_together_are_the_motion_of_the_pad_on_the_object() 
         np.testing.assert_allclose(moved, slip[:3] + bent[:3], atol=second)
 
 
-def test_where_the_gripped_point_is_follows_from_the_slip() -> None:
-    plant, slip = plant_of(pair()), np.array((0.012, -0.007, 0.4))
-    plant._contacts[1].slip[:] = slip
-    c, s = np.cos(slip[2]), np.sin(slip[2])
-    np.testing.assert_allclose(plant.gripped_at(1), -np.array([[c, s], [-s, c]]) @ slip[:2], rtol=1e-12)
-    assert plant.gripped_at(0) == (0.0, 0.0)
-
-
 def test_what_no_pad_holds_falls_and_one_pad_that_holds_carries() -> None:
     simulation = pair(grip=60.0, friction=COULOMB)
     simulation.set_grip_force(0, 0.0)
@@ -287,28 +278,6 @@ def test_what_no_pad_holds_falls_and_one_pad_that_holds_carries() -> None:
     np.testing.assert_allclose(simulation.observe(1).wrench.wrench[:3], (0.0, 0.0, -4.905), atol=1e-6)
 
 
-def test_three_arms_carry_one_object() -> None:
-    """The third stands at the other side of the first, and takes hold beside it: its pad shares the load."""
-    arms = params(grip=20.0, friction=COULOMB)
-    arms["third"] = arms["left"].model_copy(update={"base": BaseParams(position=(0.0, -0.18, 0.0))})
-    simulation = simulated(arms)
-    weights = [(simulation.observe(k).pad[1] @ simulation.observe(k).wrench.wrench[:3])[2] for k in range(3)]
-    assert sum(weights) == pytest.approx(-9.81, abs=1e-9)
-    assert max(weights) < -3.0
-    start, _ = plant_of(simulation).energy()
-    held, work = holding(simulation), 0.0
-    for k in range(300):
-        wave = np.sin(2.0 * np.pi * k / 300)
-        simulation.step([effort + wave * share * PUSH for effort, share in zip(held, (1.0, 0.7, 0.4), strict=True)])
-        work += sum(float(simulation.observe(i).joint.effort @ simulation.observe(i).joint.velocity) for i in range(3))
-    end, taken = plant_of(simulation).energy()
-    assert taken > 0.0
-    assert 1e-3 * work - taken - (end - start) == pytest.approx(0.0, abs=0.02 * 1e-3 * abs(work) + 1e-2)
-    for k in range(3):
-        load = np.linalg.norm(simulation.observe(k).wrench.wrench[[0, 1, 5]] / (1.0, 1.0, 0.015))
-        assert load <= 10.0 * (1.0 + 1e-9)
-
-
 def test_a_push_acts_where_the_arm_grips() -> None:
     """Two equal pushes at the two grasps are one at the middle; each is carried by both pads, as Newton says."""
     simulation = pair(grip=200.0, friction=COULOMB)
@@ -321,18 +290,6 @@ def test_a_push_acts_where_the_arm_grips() -> None:
     assert np.abs(readings[0].truth.twist).max() < 1e-4
     np.testing.assert_allclose(forces[0] + forces[1], (6.0, 0.0, -9.81), atol=1e-3)
     assert forces[0][0] == pytest.approx(forces[1][0], rel=0.02)
-
-
-def test_friction_that_falls_lets_an_elastic_grasp_slip() -> None:
-    friction = {"mu_s": 0.5, "mu_k": 0.45, "torsional_radius": 0.015, "falls_at_s": 0.1, "falls_to": 0.2}
-    simulation = pair(grip=12.0, friction=friction)
-    for arm in range(2):
-        simulation.push(arm, np.array((2.4, 0.0, 0.0, 0.0, 0.0, 0.0)), np.zeros(0))
-    for k in range(200):
-        slips = [float(np.abs(simulation.observe(i).truth.slip_displacement).max()) for i in range(2)]
-        assert k > 100 or max(slips) == 0.0, k
-        simulation.step([None, None])
-    assert min(slips) > 1e-4
 
 
 def test_several_arms_have_flags_displacements_and_grips_of_their_own() -> None:
@@ -382,26 +339,3 @@ def test_forces_that_are_not_finite_end_the_simulation_before_they_act() -> None
     with pytest.raises(DivergenceError, match="the forces of the pads are not finite"):
         plant_of(simulation).advance(np.zeros(14), np.array((12.0, 12.0)))
     assert np.array_equal(plant_of(simulation).data.qpos, before)
-
-
-@pytest.mark.parametrize("grip", [0.5, 0.0])
-def test_deflection_slip_and_energies_move_on_as_their_rates_say(grip: float) -> None:
-    """Against the same in matrices: a pad is bent by what does not slip, and without pressure is not bent at all."""
-    rng, dt = np.random.default_rng(5), 1e-3
-    state, rows, qvel = np.empty((2, SIZE)), rng.normal(size=(12, 9)), rng.normal(size=9)
-    state[:] = rng.normal(size=state.shape)
-    before, after = records(state.copy(), ELASTIC_CONTACT), records(state, ELASTIC_CONTACT)
-    elastic_after(qvel, rows, np.array((20.0, grip)), dt, state)
-    slipping = np.eye(6)[:, (0, 1, 5)]
-    for i, pressed in enumerate((True, grip > 0.0)):
-        old, moved, w = before[i], after[i], rows[6 * i : 6 * i + 6] @ qvel
-        v = old.slip_rate if pressed else np.zeros(3)
-        bent = w - slipping @ v if pressed else np.zeros(6)
-        np.testing.assert_allclose(moved.slip_rate, v, atol=1e-15)
-        np.testing.assert_allclose(moved.deflection, (old.deflection if pressed else 0.0) + dt * bent, atol=1e-15)
-        assert moved.damped - old.damped == pytest.approx(dt * bent @ np.diag(old.damping) @ bent, abs=1e-14)
-        assert moved.rubbed - old.rubbed == pytest.approx(-dt * old.force @ slipping @ v, abs=1e-14)
-        half = old.slip[2] - 0.5 * dt * v[2]
-        turn = np.array(((np.cos(half), -np.sin(half)), (np.sin(half), np.cos(half))))
-        np.testing.assert_allclose(moved.slip[:2], old.slip[:2] - dt * turn @ v[:2], atol=1e-15)
-        assert moved.slip[2] == pytest.approx(old.slip[2] - dt * v[2], abs=1e-15)

@@ -106,16 +106,6 @@ def test_a_reset_puts_the_object_back_to_the_last_bit() -> None:
     assert np.array_equal(*map(np.array, runs))
 
 
-def test_a_grip_that_comes_back_does_not_catch_it() -> None:
-    simulation = scene()
-    simulation.set_grip_force(0.0)
-    simulation.step(None)
-    simulation.set_grip_force(50.0)
-    simulation.step(None)
-    assert simulation.loss is not None
-    assert simulation.observe().truth.twist[2] < 0.0
-
-
 def test_the_session_tells_when_in_the_time_of_the_run() -> None:
     session = BridgeSession({"": scenario_params()}, {"": urdf_text()})
     session.start_at(5_000_000_000)

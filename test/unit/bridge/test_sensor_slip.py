@@ -9,27 +9,16 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from slip_core.errors import InputError
 from slip_core.params import build
 from slip_core.types import DisplacementSample, JointSample, ObjectTruth, SlipSample, WrenchSample
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.sensors.slip import dead_band, lifted_chip_reading
 from slip_sim_bridge.sensors.slip_kinds import pose_of
 from slip_sim_bridge.sensors.suite import SensorSuite
-from slip_vic.presets import preset_names
-from slip_vic.presets.models import load_sensor
 
 MS = 1_000_000
 ROUNDING = 1e-12
 MOVING = np.array([0.03, -0.02, 0.0, 0.0, 0.0, 0.4])
-PHYSICS = {  # rate Hz, latency s, noise m/s, rad/s, quantum m/s, dead band m/s
-    "ideal": (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-    "optical_flow_120": (120.0, 0.010, 2.2e-4, 9e-3, 9.5e-4, 2e-3),
-    "force_tactile_500": (500.0, 0.005, 1e-3, 2e-2, 0.0, 1e-3),
-    "event_1000": (1000.0, 0.002, 1e-3, 2e-2, 0.0, 1e-3),
-    "vision_60": (60.0, 0.033, 3e-3, 6e-2, 0.0, 5e-3),
-    "vision_25": (25.0, 0.080, 3.3e-3, 6e-2, 0.0, 5e-3),
-}
 
 
 def params(**values: Any) -> BridgeParams:
@@ -42,22 +31,6 @@ def readings(suite: SensorSuite, ticks: int, twist: np.ndarray = MOVING, start: 
 
 def one(**values: Any) -> np.ndarray:
     return readings(SensorSuite(params(**values)), 1)[0].twist
-
-
-def test_presets_are_the_documented_sensors() -> None:
-    assert preset_names("sensors") == sorted(PHYSICS)
-    for name, numbers in PHYSICS.items():
-        slip = load_sensor(name).slip
-        got = (
-            slip.rate_hz, slip.latency_s, slip.noise_linear, slip.noise_angular, slip.quantum_linear,
-            slip.dead_band_linear,
-        )  # fmt: skip
-        assert got == numbers, name
-
-
-def test_unknown_sensor_names_the_nearest() -> None:
-    with pytest.raises(InputError, match="vision_60"):
-        load_sensor("vision_06")
 
 
 def test_quantum_saturation_and_dead_band() -> None:

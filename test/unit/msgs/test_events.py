@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from slip_core.incidents import Incident
@@ -12,7 +10,6 @@ from slip_msgs_py.events import Done, Failed, Progress, Ready, Started, Status, 
 from slip_vic.run.launcher import Launcher
 from slip_vic.scenarios.scenario import load_scenario
 
-SRC = Path(__file__).parents[3] / "src"
 EVENTS = (
     Started(),
     Ready(),

@@ -15,7 +15,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from slip_core.errors import InputError
-from slip_core.types import EffortCommand, JointSample, ObjectTruth, SlipSample, WrenchSample
+from slip_core.types import JointSample, ObjectTruth, SlipSample, WrenchSample
 from slip_msgs_py import fast_io
 from slip_msgs_py.fast_io import Receiver, Refusals, Sender
 from slip_msgs_py.messages import forms, from_msgs, to_msgs
@@ -41,13 +41,6 @@ class Wire:
 def joint_receiver(names: tuple[str, ...] = NAMES) -> Receiver[JointSample]:
     order = from_msgs.JointOrder(names)
     return Receiver("sensor_msgs/msg/JointState", JOINT_FIELDS, partial(from_msgs.joint_samples, order=order))
-
-
-def command_receiver() -> Receiver[EffortCommand]:
-    order = from_msgs.JointOrder(NAMES)
-    return Receiver(
-        "sensor_msgs/msg/JointState", JOINT_FIELDS, partial(from_msgs.joint_commands, order=order, interface="effort")
-    )
 
 
 def joint_state(names: tuple[str, ...] = NAMES, **arrays: Any) -> bytes:
@@ -138,56 +131,6 @@ def test_forms_beyond_those_a_receiver_learns_are_still_read(monkeypatch: pytest
         message.wrench.torque.z = float(i)
         assert receive(serialize_message(message)).wrench[5] == i
     assert len(made) == 16
-
-
-def test_a_message_without_stamp_has_stamp_zero() -> None:
-    receive = Receiver("std_msgs/msg/Float64MultiArray", ("data",), lambda _: lambda *read: read, stamp="")
-    sender = Sender(Wire(), forms.numbers(2))
-    for k in range(2):  # the typed way, then the quick one
-        stamp_ns, data = receive(sender.encode(7, np.array([1.0, k])))
-        assert (stamp_ns, data.tolist()) == (0, [1.0, k])
-
-
-BAD_JOINT_STATES = {
-    "a joint missing": (joint_state(("a", "bb"), position=[0.0] * 2, velocity=[0.0] * 2), "joint ccc"),
-    "another joint": (joint_state(("a", "bb", "d"), position=[0.0] * 3, velocity=[0.0] * 3), "joint ccc"),
-    "a joint twice": (joint_state(("a", "bb", "ccc", "a"), position=[0.0] * 4, velocity=[0.0] * 4), "joint a"),
-    "a velocity missing": (joint_state(position=[0.0] * 3, velocity=[0.0] * 2), "2 velocities"),
-    "a cut message": (joint_state(position=[0.0] * 3, velocity=[0.0] * 3)[:40], "40 bytes that are no JointState"),
-    "nothing": (b"", "0 bytes that are no JointState"),
-}
-
-
-@pytest.mark.parametrize(("data", "reason"), BAD_JOINT_STATES.values(), ids=BAD_JOINT_STATES.keys())
-@pytest.mark.parametrize("warm", [False, True], ids=["first", "after a good one"])
-def test_bad_joint_states_are_refused_with_a_reason(data: bytes, reason: str, warm: bool) -> None:
-    receive = joint_receiver()
-    if warm:
-        receive(joint_state(position=[0.0] * 3, velocity=[0.0] * 3))
-    with pytest.raises(InputError, match=reason):
-        receive(data)
-
-
-def test_an_effort_missing_is_refused_and_no_effort_means_no_command() -> None:
-    receive = command_receiver()
-    with pytest.raises(InputError, match="3 names, 2 numbers"):
-        receive(joint_state(effort=[0.0, 0.0]))
-    assert receive(joint_state(position=[1.0] * 3)).effort.size == 0
-    command = receive(joint_state(("ccc", "a", "bb"), effort=[3.0, 1.0, 2.0]))
-    assert command.effort.tolist() == [1.0, 2.0, 3.0]
-    assert command.stamp_ns == STAMP_NS
-
-
-@pytest.mark.parametrize("interface", ["velocity", "position"])
-def test_drives_that_take_velocities_or_positions_get_theirs(interface: str) -> None:
-    learn = partial(from_msgs.joint_commands, order=from_msgs.JointOrder(NAMES), interface=interface)
-    receive: Receiver[Any] = Receiver("sensor_msgs/msg/JointState", JOINT_FIELDS, learn)
-    command = receive(joint_state(("ccc", "a", "bb"), **{interface: [3.0, 1.0, 2.0]}))
-    assert getattr(command, interface).tolist() == [1.0, 2.0, 3.0]
-    assert command.stamp_ns == STAMP_NS
-    assert getattr(receive(joint_state(effort=[1.0] * 3)), interface).size == 0
-    with pytest.raises(InputError, match=f"{interface} command: got 3 names, 2 numbers"):
-        receive(joint_state(**{interface: [0.0, 0.0]}))
 
 
 def test_each_new_fault_is_reported_once_and_every_message_counted() -> None:

@@ -50,7 +50,7 @@ JAZZY = {
     "ament_index_python", "builtin_interfaces", "diagnostic_msgs", "geometry_msgs",
     "joint_state_publisher_gui", "launch", "launch_ros", "lifecycle_msgs", "nav_msgs", "pinocchio",
     "rcl_interfaces", "rclpy", "robot_state_publisher", "rosgraph_msgs", "rviz2", "sensor_msgs", "std_msgs",
-    "std_srvs", "tf2_msgs", "trajectory_msgs", "xacro",
+    "std_srvs", "trajectory_msgs", "xacro",
 }  # fmt: skip
 # What a package loads without an import statement: message classes by name, the URDF that scenarios name by package://.
 UNSEEN = {

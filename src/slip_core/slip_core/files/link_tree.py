@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from xml.etree.ElementTree import Element
 
-import numpy as np
-
-from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.files.urdf import MOVING, base_of, end_of, named, numbers_of, parse_urdf
 
@@ -59,26 +56,6 @@ def read_links(urdf: str) -> list[Link]:
     return links
 
 
-def poses_on_parents(links: Sequence[Link], positions: Mapping[str, float]) -> Array:
-    """Return where each link is on its parent: position [m] and quaternion x, y, z, w; (n, 7).
-
-    Args:
-        links: from `read_links`.
-        positions: of the joints by name [rad, m]; one that is not given is at 0.
-    """
-    poses = np.empty((len(links), 7))
-    for row, link in zip(poses, links, strict=True):
-        row[:3], row[3:] = link.position, link.quaternion
-        value = positions.get(link.joint, 0.0)
-        if value and link.kind == "prismatic":
-            row[:3] += _turned(link.quaternion, (value * link.axis[0], value * link.axis[1], value * link.axis[2]))
-        elif value:
-            sine = math.sin(0.5 * value)
-            x, y, z = link.axis
-            row[3:] = _product(link.quaternion, (sine * x, sine * y, sine * z, math.cos(0.5 * value)))
-    return poses
-
-
 def origin_of(element: Element) -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
     """Return position [m] and quaternion x, y, z, w of an element's origin."""
     origin = element.find("origin")
@@ -99,9 +76,3 @@ def _product(a: Sequence[float], b: Sequence[float]) -> tuple[float, float, floa
         aw * bz + ax * by - ay * bx + az * bw,
         aw * bw - ax * bx - ay * by - az * bz,
     )
-
-
-def _turned(quaternion: Sequence[float], vector: Sequence[float]) -> tuple[float, float, float]:
-    x, y, z, w = quaternion
-    turned = _product(_product(quaternion, (*vector, 0.0)), (-x, -y, -z, w))
-    return turned[0], turned[1], turned[2]

@@ -1,13 +1,12 @@
-"""A URDF as both nodes read it: what neither of them uses is taken out, and what is missing is said by its name.
+"""A URDF as both nodes read it: without what neither uses, and with an error that names what is missing.
 
-Files of real arms name meshes that are not there, carry gripper joints that are not commanded, and have joints without
-end. Pinocchio and MuJoCo treat each of these in a way of their own; here they are settled once, for both.
+Real files refer to absent meshes and have gripper joints that are not commanded and joints without limits. Pinocchio
+and MuJoCo treat each of these differently; here they are settled once, for both.
 """
 
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Sequence
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
@@ -24,12 +23,11 @@ NO_LIMIT = 1e4
 
 LARGEST = 16 << 20
 DEEPEST = 200
-"""Bounds of a text in characters and of a tree in joints from its base to a tip: beyond any robot, and below what
-Pinocchio and MuJoCo support, whose recursions end the process on a chain of 5,000 links."""
+NESTED = 50
+"""Bounds of a text in characters, of a tree in joints from its base to a tip, and of elements inside each other: beyond
+any robot, and below what Pinocchio and MuJoCo support, whose recursions end the process on a chain of 5,000 links."""
 
-_PREFIX = re.compile(r"([</\s])(\w+):(?=[\w.]+[\s=/>])")
-"""Names such as `drake:acceleration`, which a file may use without saying what `drake` is."""
-_KEPT = ("link", "joint", "material")
+_KEPT = ("link", "joint")
 _IN_FIXED_JOINT = ("parent", "child", "origin")
 PLACED = "placed_base"
 
@@ -46,11 +44,16 @@ def parse_urdf(text: str) -> Element:
     if any(word in text.upper() for word in ("<!DOCTYPE", "<!ENTITY")):
         raise InputError("robot_description", got="XML with a document type", expected="a URDF without declarations")
     try:
-        root = ElementTree.fromstring(text if _declares_prefixes(text) else _PREFIX.sub(r"\1\2_", text))
+        root = ElementTree.fromstring(text)
     except ElementTree.ParseError as error:
         raise InputError("robot_description", got=text.strip()[:40], expected="a URDF", fix=str(error)) from None
     if root.tag != "robot":
         raise InputError("robot_description", got=f"<{root.tag}>", expected="a URDF, whose root is <robot>")
+    level = [root]
+    for _ in range(NESTED):
+        level = [child for element in level for child in element]
+    if level:
+        raise InputError("robot_description", got=f"elements nested more than {NESTED} deep", expected="a URDF")
     if any("xacro" in element.tag or "${" in "".join(element.attrib.values()) for element in root.iter()):
         raise InputError(
             "robot_description", got="xacro", expected="a URDF", fix="name the file arm.xacro, and it is expanded"
@@ -111,10 +114,6 @@ def numbers_of(element: Element | None, name: str, default: Sequence[float]) -> 
     if len(found) != len(default):
         raise InputError("robot_description", got=f'{name}="{text}"', expected=f"{len(default)} numbers")
     return found
-
-
-def _declares_prefixes(text: str) -> bool:
-    return "xmlns:" in text or not _PREFIX.search(text)
 
 
 def named(root: Element, tag: str) -> dict[str, Element]:
@@ -200,10 +199,11 @@ def _roll_pitch_yaw(x: float, y: float, z: float) -> tuple[float, float, float]:
 
 
 def usable_urdf(text: str, ee_frame: str, joint_names: Sequence[str]) -> str:
-    """Return the URDF with `joint_names` as its only moving joints; the same text where nothing has to change.
+    """Return the URDF with `joint_names` as its only moving joints.
 
-    Other joints are locked where they are 0, joints without end get limits that are never met, shapes from mesh files
-    and impossible inertias of links that do not move are left out.
+    Other joints are locked at 0 and continuous joints get limits that are never met. Left out are shapes from mesh
+    files, shapes of moving links without mass, to which MuJoCo would give one, and impossible inertias of links that do
+    not move.
 
     Args:
         text: a URDF.
@@ -223,18 +223,40 @@ def usable_urdf(text: str, ee_frame: str, joint_names: Sequence[str]) -> str:
     carried = carried_links(root, joint_names)
     for name in joint_names:
         _check_inertias(name, [links[one] for one in carried[name]])
-    changed = _lock(joints, joint_names)
-    changed |= _drop_unused(links, {one for group in carried.values() for one in group})
-    if not changed:
-        return text
+    for name, joint in joints.items():
+        if name not in joint_names:
+            fix(joint)
+        elif joint.get("type") == "continuous":
+            joint.set("type", "revolute")
+            for end, value in (("lower", -NO_LIMIT), ("upper", NO_LIMIT)):
+                joint.find("limit").set(end, f"{value:g}")  # type: ignore[union-attr]  # `check_limits` has seen it
+        for mimic in joint.findall("mimic"):
+            joint.remove(mimic)
+    moved = {one for group in carried.values() for one in group}
+    for name, link in links.items():
+        unused, found = [*link.findall("visual"), *link.findall("collision")], inertial(link)
+        if not (name in moved and found is None):
+            unused = [part for part in unused if part.find("geometry/mesh") is not None]
+        if name not in moved and found is not None and not (found[0] >= 0.0 and is_physical(found[1])):
+            unused += link.findall("inertial")
+        for part in unused:
+            link.remove(part)
     for element in list(root):
         if element.tag not in _KEPT:
             root.remove(element)
     return ElementTree.tostring(root, encoding="unicode")
 
 
+def fix(joint: Element) -> None:
+    """Make a joint a fixed one, where it is 0."""
+    joint.set("type", "fixed")
+    for part in list(joint):
+        if part.tag not in _IN_FIXED_JOINT:
+            joint.remove(part)
+
+
 def _check_names(carrying: list[str], movable: list[str], ee_frame: str, names: Sequence[str]) -> None:
-    """Compare the wanted joints with those that carry the pad, from base to tip."""
+    """Compare the configured joints with those that carry the pad, from base to tip."""
     for name in names:
         if name not in movable:
             raise InputError(
@@ -243,10 +265,6 @@ def _check_names(carrying: list[str], movable: list[str], ee_frame: str, names: 
                 expected=f"a moving joint of the URDF; {nearest(name, movable)}",
                 fix="for an arm of your own: slip-vic arm FILE",
             )
-    if len(set(names)) != len(names):
-        raise InputError("joint_names", got=list(names), expected="no name twice")
-    if extra := [name for name in carrying if name not in names]:
-        raise InputError("joint_names", got=list(names), expected=f"also {', '.join(extra)}, which moves {ee_frame}")
     if list(names) != carrying:
         raise InputError("joint_names", got=list(names), expected=f"those that move {ee_frame}, in the order of the "
                          f"URDF's chain from base to tip: {', '.join(carrying)}")  # fmt: skip
@@ -282,13 +300,13 @@ def check_limits(joint: Element) -> None:
         )
 
 
-def _number(joint: Element, element: Element, key: str) -> float:
+def _number(owner: Element, element: Element, key: str) -> float:
+    """Return an attribute of an element inside a joint or link."""
     text = element.get(key, "0")
     try:
         return float(text)
     except ValueError:
-        name = joint.get("name")
-        raise InputError(f"URDF {joint.tag} {name}", got=f'{key}="{text}"', expected="a number") from None
+        raise InputError(f"URDF {owner.tag} {owner.get('name')}", got=f'{key}="{text}"', expected="a number") from None
 
 
 def carried_links(root: Element, joint_names: Sequence[str]) -> dict[str, list[str]]:
@@ -358,50 +376,3 @@ def _check_inertias(joint: str, group: list[Element]) -> None:
             expected="<inertial> with <mass> and <inertia>",
             fix="add them from the arm's data sheet",
         )
-
-
-def _lock(joints: dict[str, Element], joint_names: Sequence[str]) -> bool:
-    """Fix all joints but the commanded ones, which get an end; return whether anything changed."""
-    changed = False
-    for name, joint in joints.items():
-        if name not in joint_names:
-            if joint.get("type") != "fixed":
-                fix(joint)
-                changed = True
-        elif joint.get("type") == "continuous":
-            joint.set("type", "revolute")
-            limit = joint.find("limit")
-            assert limit is not None
-            limit.set("lower", f"{-NO_LIMIT:g}")
-            limit.set("upper", f"{NO_LIMIT:g}")
-            changed = True
-        if (follows := joint.find("mimic")) is not None:
-            joint.remove(follows)
-            changed = True
-    return changed
-
-
-def fix(joint: Element) -> None:
-    """Make a joint a fixed one, where it is 0."""
-    joint.set("type", "fixed")
-    for part in list(joint):
-        if part.tag not in _IN_FIXED_JOINT:
-            joint.remove(part)
-
-
-def _drop_unused(links: dict[str, Element], carried: set[str]) -> bool:
-    """Take out shapes from files, shapes of moving links without mass, to which MuJoCo would give one, and inertias
-    of links that do not move, where they are impossible; return whether anything changed.
-    """
-    changed = False
-    for name, link in links.items():
-        parts = [*link.findall("visual"), *link.findall("collision")]
-        found = inertial(link)
-        if not (name in carried and found is None):
-            parts = [part for part in parts if part.find("geometry/mesh") is not None]
-        if name not in carried and found is not None and not (found[0] >= 0.0 and is_physical(found[1])):
-            parts += link.findall("inertial")
-        for part in parts:
-            link.remove(part)
-        changed |= bool(parts)
-    return changed
