@@ -13,7 +13,7 @@ from typing import Literal
 
 from slip_core.errors import UnknownName
 
-Owner = Literal["bridge", "controller", "recorder", "user"]
+Owner = Literal["bridge", "controller", "user"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +76,6 @@ _TABLE = (
     Topic("controller/goal", "std_msgs/msg/String", "controller", "what becomes of goals and joint trajectories: moves, reached, or refused and why; sent where it changes, where `trajectory.kind` is goal or topic", latched=True, common=True),
     Topic("controller/reference_used", "trajectory_msgs/msg/MultiDOFJointTrajectory", "controller", "every reference or goal that the controller took, as it came: the ledger counts them, so that a bag replays", common=True),
     Topic("controller/ready", "std_msgs/msg/String", "controller", "sent once, when every peer is matched", latched=True, common=True),
-    Topic("recorder/ready", "std_msgs/msg/String", "recorder", "sent once, when every recorded topic is matched", latched=True, recorded=False, common=True),
 )  # fmt: skip
 
 TOPICS = MappingProxyType({topic.name: topic for topic in _TABLE})

@@ -10,7 +10,6 @@ import time
 from pathlib import Path
 
 import pytest
-import rclpy.executors
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosbags.highlevel import AnyReader
 from std_msgs.msg import String
@@ -113,25 +112,17 @@ def test_late_topics_latched_topics_and_other_namespaces(processes, ros_node, tm
     recorder = processes.python(
         "recorder", *RECORDER, tmp_path / "bag", "--all", "model", "/arm/late", "--namespace", "arm"
     )
-    heard: list[str] = []
-    ros_node.create_subscription(String, "/arm/recorder/ready", lambda message: heard.append(message.data), LATCHED)
     early.wait_matched()
     late = Sender(ros_node, "/arm/late", LATCHED)
     late.send(50)
     processes.wait_event(recorder, Ready)
     late.send(50)
-    executor = rclpy.executors.SingleThreadedExecutor(context=ros_node.context)
-    executor.add_node(ros_node)
-    wait_until(lambda: executor.spin_once(timeout_sec=0.01) or bool(heard), "the latched ready message")
-    executor.shutdown()
     summary = finish(processes, recorder)
-    assert heard == ["ready"]
     assert summary["topics"]["/arm/late"]["lost"] == 0
     assert texts(tmp_path / "bag", "/arm/model") == early.sent
     assert texts(tmp_path / "bag", "/arm/late") == late.sent
     with Bag(tmp_path / "bag") as bag:
         assert {"/arm/model", "/arm/late"} <= set(bag.topics)
-        assert "/arm/recorder/ready" not in bag.topics
 
 
 def test_publishers_of_different_qos_are_all_recorded(processes, ros_node, tmp_path):
@@ -213,13 +204,6 @@ def test_bad_options_end_in_one_line_and_leave_nothing(processes, tmp_path, argu
     assert processes.wait_end(recorder) == 2
     assert line in processes.wait_event(recorder, Failed).text
     assert not (tmp_path / "bag").exists()
-
-
-def test_existing_output_is_refused(processes, tmp_path):
-    recorder = processes.python("recorder", *RECORDER, tmp_path, "--all")
-    assert processes.wait_end(recorder) == 2
-    assert len(recorder.lines) == 1
-    assert "it exists" in recorder.lines[0]
 
 
 def test_killed_recording_is_recovered_without_gaps(processes, ros_node, tmp_path):

@@ -105,25 +105,6 @@ def test_damaged_chunk_costs_its_own_messages(original, tmp_path):
     assert (found.chunks_dropped, found.cut_files) == (1, [])
 
 
-@pytest.mark.parametrize(
-    ("content", "line"),
-    [(b"", "an empty file"), (b"PK\x03\x04" * 100, "expected an MCAP file"), (None, "No such file")],
-    ids=["empty", "foreign", "absent"],
-)
-def test_nothing_to_recover(tmp_path, content, line):
-    if content is not None:
-        (tmp_path / "x.mcap").write_bytes(content)
-    with pytest.raises(InputError, match=line):
-        recover(tmp_path / "x.mcap", tmp_path / "out")
-    assert not (tmp_path / "out").exists()
-
-
-def test_existing_output_is_refused(original, tmp_path):
-    (tmp_path / "out").mkdir()
-    with pytest.raises(InputError, match="it exists"):
-        recover(original, tmp_path / "out")
-
-
 def test_command_names_its_output(tmp_path):
     make_bag(tmp_path / "bag", count=20, topics=TOPICS)
     output = CliRunner().invoke(bag_command, ["recover", str(tmp_path / "bag")]).output

@@ -9,17 +9,16 @@ from __future__ import annotations
 import json
 import shutil
 import time
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from operator import itemgetter
 from pathlib import Path
 from typing import Any, Final
 
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.type_hash import TypeHash
-from std_msgs.msg import String
 
 from slip_bags.format import QosProfile, TopicInfo
 from slip_bags.provenance import provenance
@@ -31,7 +30,6 @@ from slip_bags.writer import BagWriter, StorageError
 from slip_core.errors import InputError
 from slip_msgs_py import events
 
-READY_TOPIC: Final = "recorder/ready"
 POLL_S: Final = 0.02  # between two polls
 DISCOVERY_S: Final = 0.1  # between two discoveries, once every requested topic is found
 FLUSH_S: Final = 1.0
@@ -62,7 +60,6 @@ class Recorder:
         everything: record every topic, except hidden ones (a part of the name starts with an underscore).
         queue_depth: messages the middleware keeps per topic between two polls.
         warn: called with one line where a topic is not recorded as requested.
-        ignored: topics that `everything` leaves out.
     """
 
     def __init__(
@@ -74,12 +71,10 @@ class Recorder:
         everything: bool,
         queue_depth: int,
         warn: Callable[[str], None],
-        ignored: Collection[str] = (),
     ) -> None:
         self._node, self._writer, self._warn = node, writer, warn
         self._named = {node.resolve_topic_name(name) for name in topics}
         self._everything, self._depth = everything, queue_depth
-        self._ignored = {node.resolve_topic_name(name) for name in ignored}
         self._topics: dict[str, _Topic] = {}
         self._warned: set[str] = set()
         self._next_discovery = 0.0
@@ -146,9 +141,7 @@ class Recorder:
         }
 
     def _wants(self, name: str) -> bool:
-        if name in self._named:
-            return True
-        return self._everything and name not in self._ignored and "/_" not in name
+        return name in self._named or (self._everything and "/_" not in name)
 
     def _discover(self) -> None:
         for name, type_names in self._node.get_topic_names_and_types():
@@ -247,10 +240,10 @@ def record(
     try:
         recorder = Recorder(
             node, writer, topics, everything=everything, queue_depth=queue_depth,
-            warn=lambda text: events.warn("recorder", text), ignored=(READY_TOPIC,),
+            warn=lambda text: events.warn("recorder", text),
         )  # fmt: skip
         end = time.monotonic() + duration_s if duration_s else float("inf")
-        _loop(node, recorder, writer, lambda: stop() or time.monotonic() >= end)
+        _loop(recorder, writer, lambda: stop() or time.monotonic() >= end)
         summary = recorder.finish()
         writer.custom_data["recorder"] = json.dumps(summary)
         return {"bag": str(output), **summary}
@@ -258,16 +251,13 @@ def record(
         writer.close()
 
 
-def _loop(node: Node, recorder: Recorder, writer: BagWriter, is_over: Callable[[], bool]) -> None:
-    latched = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    ready_publisher = node.create_publisher(String, READY_TOPIC, latched)
+def _loop(recorder: Recorder, writer: BagWriter, is_over: Callable[[], bool]) -> None:
     announced = False
     next_flush = time.monotonic() + FLUSH_S
     while not is_over():
         recorder.poll()
         if not announced and recorder.ready:
             announced = True
-            ready_publisher.publish(String(data="ready"))
             events.emit(events.Ready())
         if time.monotonic() >= next_flush:
             free = shutil.disk_usage(writer.folder).free
