@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import shutil
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -21,24 +21,13 @@ from slip_vic.replay.verify import verify_run
 from slip_vic.run.launcher import Launcher
 from slip_vic.run.metrics import summarise
 from slip_vic.run.series import read_series
-from slip_vic.scenarios import scenario_names
 from slip_vic.scenarios.scenario import Estimator, Law, Scenario, load_scenario
 
 SEED: Final = 0
 COMMAND: Final = "python tools/reference_bags.py"
-LARGEST_BYTES: Final = 2_000_000
+LARGEST_BYTES: Final = 1_000_000
 OF_AN_ARM: Final = ("joint_states", "controller/ledger", "slip_truth")
 """Topics with a message in every tick, beside the command, the clock and the object's state."""
-CONTROLLERS: Final[dict[Law, str]] = {
-    "classical": "Classical impedance control: the arm keeps its path, and the object slips.",
-    "vic": "Variable impedance control: stiffness fades with slip and compensation drives it to zero.",
-}
-PRINTED: Final = ("controller.gains.spin=follow",)
-BEYOND_THE_ARM: Final = (
-    "controller.safety.limits.effort_rate=20000.0", "controller.safety.limits.velocity_scale=3.0",
-    "bridge.effort_rate=20000.0",
-)  # fmt: skip
-"""What the printed law needs in the scenarios in which the real limits of the arm are too narrow for it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,49 +63,34 @@ def _lasting(seconds: float) -> str:
     return f"bridge.duration_s={seconds}"
 
 
-def _printed() -> Iterator[Reference]:
-    """Yield each scenario with classical control and the printed law."""
-    for scenario in scenario_names(1):
-        for law, what in CONTROLLERS.items():
-            bounded = law == "vic" and load_scenario(scenario, law=law).controller.gains.spin == "bounded"
-            own = (*PRINTED, *BEYOND_THE_ARM) if bounded else ()
-            yield Reference(f"{scenario}_{law}", scenario, law, what, (_lasting(2.0), *own))
-
-
-REAL: Final = (
+REFERENCES: Final = (
+    Reference(
+        "paper_planar_classical", "paper_planar", "classical",
+        "Classical impedance control: the arm keeps its path, and the object slips.", (_lasting(1.0),),
+    ),
+    Reference(
+        "paper_planar_vic", "paper_planar", "vic",
+        "Variable impedance control: stiffness fades with slip and compensation drives it to zero.", (_lasting(1.0),),
+    ),
     Reference(
         "governed_joint_torques", "glass_transport", "governed",
-        "Governed, with joints that measure torque, a camera of 60 Hz and a third of the friction: it is learnt.",
-        (_lasting(1.4), "mismatch.friction=0.35"), "vision_60", "torque_joint",
-    ),
-    Reference(
-        "governed_velocities", "paper_planar", "governed", "Governed, by velocities, without a wrench sensor.",
-        (_lasting(1.2), "controller.wrench.source=none"), "event_1000", "velocity_500",
-    ),
-    Reference(
-        "vic_motor_currents", "vertical_plane", "vic",
-        "Geared joints with friction: the object slips until the compensation is given up.",
-        (_lasting(1.2),), "optical_flow_120", "motor_current",
+        "Governed, with joint torque sensors, a 60 Hz camera and a third of the friction, which is learnt.",
+        (_lasting(0.8), "mismatch.friction=0.35"), "vision_60", "torque_joint",
     ),
     Reference(
         "vic_bad_sensor", "paper_planar", "vic",
-        "By positions, with a slip sensor that loses nine samples of ten and has outliers: HOLD, and back.",
+        "Position interface, and a slip sensor that loses nine of ten samples and has outliers: HOLD, and back.",
         (
-            _lasting(1.2), "bridge.sensors.slip.faults.dropout_probability=0.9",
+            _lasting(0.6), "bridge.sensors.slip.faults.dropout_probability=0.9",
             "bridge.sensors.slip.faults.outlier_probability=0.1",
         ),
         drive="position_250", estimator="observer",
     ),
     Reference(
-        "two_arms_governed", "pane_two_arms_flat", "governed", "Two arms, by velocities.",
-        (_lasting(1.0),), drive="velocity_500",
+        "two_arms_governed", "pane_two_arms_flat", "governed", "Two arms with velocity interfaces.",
+        (_lasting(0.5),), drive="velocity_500",
     ),
 )  # fmt: skip
-
-
-def references() -> list[Reference]:
-    """Return every reference bag: the printed law on an ideal arm, and what an arm as it is needs beyond it."""
-    return [*_printed(), *REAL]
 
 
 def _every_tick(scenario: Scenario) -> list[str]:
@@ -137,7 +111,7 @@ def make_references(folder: Path, tell: Callable[[str], None]) -> None:
     staging.mkdir(parents=True)
     try:
         rows = []
-        for reference in references():
+        for reference in REFERENCES:
             loaded = reference.load()
             result = Launcher(loaded, bag=staging / reference.name).run()
             with Bag(staging / reference.name) as bag:
@@ -169,12 +143,9 @@ def _readme(rows: list[str]) -> str:
         [
             "# Reference bags",
             "",
-            f"Made by `{COMMAND}`: seed {SEED}, in lockstep over DDS; the first 2 s of each scenario with the",
-            "printed laws on an ideal arm, and shorter runs of what an arm as it is needs beyond them. Each is what",
-            "the command beside it writes. A test verifies every one to the last bit of its commands and of the",
-            "controller's state, so any change of numbers in the controller is noticed. Where it is wanted, run the",
-            "command and commit the result. Open them with `slip-vic bag info`, Foxglove or PlotJuggler, or play them",
-            "with `ros2 bag play`.",
+            f"Made by `{COMMAND}` (seed {SEED}, lockstep over DDS). Each is what the command beside it writes. A test",
+            "verifies every command to the last bit, so it notices any change of numbers in the controller. Record",
+            "them again only where the change is intended. Open them with `slip-vic bag info` or Foxglove.",
             "",
             "| bag | size | messages | slip at the end | what it shows | command |",
             "|---|---|---|---|---|---|",

@@ -14,10 +14,9 @@ from slip_vic.run.in_process import run_in_process
 from slip_vic.run.judge import judge
 from slip_vic.run.series import read_series
 from slip_vic.run.track import Track
-from tools.reference_bags import LARGEST_BYTES, Reference, references
+from tools.reference_bags import LARGEST_BYTES, REFERENCES, Reference
 
 BAGS = Path(__file__).parents[3] / "bags"
-REFERENCES = references()
 
 
 def test_one_bag_per_reference() -> None:
