@@ -8,7 +8,6 @@ depend on the instruction set of the machine.
 from __future__ import annotations
 
 import functools
-import gc
 import hashlib
 import importlib.util
 import os
@@ -77,7 +76,6 @@ def _folder(package: Path) -> Path:
     try:
         folder.mkdir(mode=0o700, parents=True)
         print(f"compiling {package.name} for this machine, once: about a minute", file=sys.stderr, flush=True)
-        gc.enable()  # the compiler leaves half a gigabyte of cycles (`without_collector`)
     except FileExistsError:
         check_private(folder, {os.geteuid(), package.stat().st_uid})
     return folder

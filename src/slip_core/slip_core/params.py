@@ -23,46 +23,27 @@ from slip_core.files.plain_yaml import read_yaml
 Model = TypeVar("Model", bound="ParameterModel")
 
 
-RANGES: Final[Mapping[str, tuple[float, float]]] = _types.MappingProxyType(
+_RANGE: Final = (1e-6, 1e6)
+_RANGES: Final[Mapping[str, tuple[float, float]]] = _types.MappingProxyType(
     {
-        "": (1e-9, 1e6),
-        "s": (1e-6, 1e6),
         "Hz": (1e-3, 1e6),
-        "kg": (1e-6, 1e6),
         "kg m2": (1e-12, 1e6),
-        "kg, kg m2": (1e-6, 1e6),
-        "kg^-1/2": (1e-6, 1e6),
-        "m": (1e-6, 1e6),
-        "rad": (1e-6, 1e6),
-        "m, rad": (1e-6, 1e6),
-        "m/s": (1e-9, 1e6),
-        "rad/s": (1e-9, 1e6),
-        "m/s, rad/s": (1e-9, 1e6),
-        "m/s2": (1e-9, 1e6),
-        "m/s^2": (1e-9, 1e6),
-        "rad/s^2": (1e-9, 1e6),
-        "rad/s^3": (1e-3, 1e9),
-        "N": (1e-6, 1e6),
-        "N m": (1e-6, 1e6),
-        "N, N m": (1e-6, 1e6),
-        "N/s": (1e-3, 1e8),
-        "N/s, N m/s": (1e-6, 1e6),
-        "N m/s": (1e-3, 1e8),
-        "N/m": (1e-3, 1e9),
-        "N m/rad": (1e-6, 1e7),
-        "N/m, N m/rad": (1e-6, 1e7),
-        "N s/m": (1e-6, 1e7),
-        "N m s/rad": (1e-6, 1e7),
-        "N s/m, N m s/rad": (1e-6, 1e7),
-        "1/s": (1e-6, 1e6),
-        "1/s2": (1e-6, 1e8),
-        "1/s^2": (1e-6, 1e8),
-        "s/m": (1e-6, 1e6),
-        "s/rad": (1e-6, 1e6),
+        **dict.fromkeys(("", "m/s", "rad/s", "m/s, rad/s", "m/s2", "m/s^2", "rad/s^2"), (1e-9, 1e6)),
+        **dict.fromkeys(("N m/rad", "N/m, N m/rad", "N s/m", "N m s/rad", "N s/m, N m s/rad"), (1e-6, 1e7)),
+        **dict.fromkeys(("1/s2", "1/s^2"), (1e-6, 1e8)),
+        **dict.fromkeys(("N/s", "N m/s"), (1e-3, 1e8)),
+        **dict.fromkeys(("N/m", "rad/s^3"), (1e-3, 1e9)),
     }
 )
-"""By unit, the smallest size of what must be above zero and the largest of all: wider than any machine has it, and so
-narrow that no product or quotient in a formula leaves double precision. A declaration may be narrower."""
+
+
+def range_of(unit: str) -> tuple[float, float]:
+    """Return the smallest size of what must be above zero and the largest of all in a unit.
+
+    Wider than any machine needs, and so narrow that no product or quotient in a formula leaves double precision. A
+    declaration may be narrower.
+    """
+    return _RANGES.get(unit, _RANGE)
 
 
 class ParameterModel(BaseModel):
@@ -80,16 +61,16 @@ class ParameterModel(BaseModel):
             values = getattr(self, name)
             if isinstance(values, tuple) and values and isinstance(values[0], float):
                 unit = parameter_unit(type(self), name)
-                if max(map(abs, values)) > RANGES[unit][1]:
+                if max(map(abs, values)) > range_of(unit)[1]:
                     raise ValueError(
-                        f"{name} {list(values)}: no number may be beyond {RANGES[unit][1]:g} {unit}".rstrip()
+                        f"{name} {list(values)}: no number may be beyond {range_of(unit)[1]:g} {unit}".rstrip()
                     )
             elif (
                 isinstance(values, float)
-                and 0.0 < values < RANGES["Hz"][0]
+                and 0.0 < values < range_of("Hz")[0]
                 and parameter_unit(type(self), name) == "Hz"
             ):
-                raise ValueError(f"{name} {values}: 0, or at least {RANGES['Hz'][0]:g} Hz")
+                raise ValueError(f"{name} {values}: 0, or at least {range_of('Hz')[0]:g} Hz")
         return self
 
 
@@ -102,7 +83,7 @@ def parameter_unit(model: type[ParameterModel], name: str) -> str:
 def parameter(default: Any, description: str, *, unit: str = "", runtime: bool = False, **bounds: Any) -> Any:
     """Declare one parameter: one declaration for code, ROS, YAML and documentation.
 
-    A number has the range of its unit (`RANGES`), where its bounds are not narrower.
+    A number has the range of its unit (`range_of`), where its bounds are not narrower.
 
     Args:
         default: value where none is given.
@@ -112,7 +93,7 @@ def parameter(default: Any, description: str, *, unit: str = "", runtime: bool =
         bounds: pydantic's, e.g. ``gt=0.0``.
     """
     if isinstance(default, float):
-        smallest, largest = RANGES[unit]
+        smallest, largest = range_of(unit)
         if bounds.get("gt") == 0.0:
             del bounds["gt"]
             bounds["ge"] = smallest

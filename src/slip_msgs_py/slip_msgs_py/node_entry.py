@@ -6,7 +6,6 @@ import importlib
 import os
 import sys
 
-from slip_core.loading import without_collector
 from slip_msgs_py.environment import is_of_ros, no_ros, starting
 from slip_msgs_py.stop_flag import StopFlag, ending_at_once
 
@@ -35,7 +34,7 @@ def main_of(module: str, node: str, name: str, about: str) -> int:
         return 0
     StopFlag().install()
     try:
-        with ending_at_once(0), starting(), without_collector():
+        with ending_at_once(0), starting():
             run_node = importlib.import_module("slip_msgs_py.node_main").run_node
             factory = getattr(importlib.import_module(module), node)
     except ModuleNotFoundError as error:

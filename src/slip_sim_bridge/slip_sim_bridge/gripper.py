@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 from slip_core.errors import InputError
-from slip_core.params import RANGES
+from slip_core.params import range_of
 from slip_sim_bridge.params import GripParams
 
-LARGEST = RANGES["N"][1]
+LARGEST = range_of("N")[1]
 
 
 class Gripper:

@@ -6,10 +6,9 @@ from typing import Literal, Self
 
 from pydantic import model_validator
 
+from slip_core.device_params import SLIP_INPUT, GripperModel, SlipInput
 from slip_core.grasp_params import ArmParams, BaseParams, ContactParams, ObjectParams, Six, Three
-from slip_core.grip_params import GripperModel
 from slip_core.params import ParameterModel, parameter
-from slip_core.sensor_params import SLIP_INPUT, SlipInput
 from slip_sim_bridge.drives.params import DriveParams
 from slip_sim_bridge.friction.params import FrictionParams
 from slip_sim_bridge.sensors.params import SensorsParams

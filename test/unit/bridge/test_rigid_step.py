@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 import pytest
-from numba.core.errors import NumbaWarning
 
-from slip_sim_bridge.friction import friction_law, law_names
-from slip_sim_bridge.friction.params import FrictionParams
-from slip_sim_bridge.plant.rigid import STOP_AGREEMENT, compile_laws
-from slip_sim_bridge.plant.rigid_step import rigid_step
+from slip_sim_bridge.friction import law_names
+from slip_sim_bridge.plant.rigid import STOP_AGREEMENT
 from slip_sim_bridge.plant.solvers import next_point, remember
 from slip_sim_bridge.simulation import Simulation
 from test.referees.contact_step import joint_friction
@@ -104,17 +99,6 @@ def test_nothing_pushes_a_held_object_at_the_start(model):
         assert np.abs(simulation.observe().wrench.wrench[[0, 1, 5]]).max() < 1e-6
         assert np.abs(simulation.observe().slip.twist).max() < 1e-9
         simulation.step(None)
-
-
-def test_the_step_of_every_law_is_kept_as_machine_code():
-    """A kernel that numba cannot keep would be compiled anew, for seconds, in every process."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", NumbaWarning)
-        compile_laws()
-    for name in law_names():
-        law, _ = friction_law(FrictionParams.model_validate({"model": name}))
-        stats = getattr(rigid_step(law), "stats", None)
-        assert stats is None or sum(stats.cache_hits.values()) + sum(stats.cache_misses.values()) == 1
 
 
 def test_what_is_linear_takes_two_more_values_than_it_has_unknowns():

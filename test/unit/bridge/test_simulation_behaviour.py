@@ -195,27 +195,6 @@ def test_divergence_is_an_error_until_reset():
     assert np.isfinite(state_of(simulation)).all()
 
 
-@pytest.mark.parametrize("raising", ["advance", "holding_effort"])
-def test_a_diverged_simulation_does_not_forget_it(raising, monkeypatch):
-    """Also where the plant would go on as if nothing had happened."""
-    simulation = scene()
-
-    def diverges(*_):
-        if raising == "advance":
-            raise DivergenceError("diverged")
-        return np.full(7, np.nan)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(simulation.plant, raising, diverges)
-        with pytest.raises(DivergenceError, match="diverged"):
-            simulation.step(None)
-    for _ in range(2):
-        with pytest.raises(DivergenceError, match="has diverged; reset it"):
-            simulation.step(None)
-    simulation.reset()
-    simulation.step(None)
-
-
 def test_divergence_writes_nothing_into_the_working_folder(tmp_path, monkeypatch, capfd):
     """MuJoCo's default would be MUJOCO_LOG.TXT and lines on stderr."""
     monkeypatch.chdir(tmp_path)

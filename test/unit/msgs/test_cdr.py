@@ -18,8 +18,6 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header, Int64MultiArray
 
-from slip_core.stamps import stamp_of, with_stamp
-from slip_msgs_py.messages import to_msgs
 from slip_msgs_py.messages.cdr import CdrCodec, block_under, laid_out, numbers_at
 from slip_msgs_py.messages.layout import Layout, Schema
 
@@ -223,17 +221,3 @@ def test_a_layout_that_rclpy_does_not_share_is_refused(monkeypatch: pytest.Monke
     monkeypatch.setattr(Schema, "layout", shifted)
     with pytest.raises((ValueError, RuntimeError)):
         KINDS["JointState"].codec()
-
-
-def test_the_stamp_of_a_header_is_read_and_replaced_in_either_byte_order() -> None:
-    stamp_ns = -5 * NS + 7
-    little = serialize_message(WrenchStamped(header=to_msgs.header(3 * NS + 4, "f")))
-    big = b"\x00\x00" + little[2:4] + struct.pack(">iI", 3, 4) + little[12:]
-    for data in (little, big):
-        assert stamp_of(data) == 3 * NS + 4
-        changed = with_stamp(data, stamp_ns)
-        assert stamp_of(changed) == stamp_ns
-        assert (changed[:4], changed[12:]) == (data[:4], data[12:])
-    assert deserialize_message(with_stamp(little, stamp_ns), WrenchStamped).header.stamp.sec == -5
-    assert stamp_of(with_stamp(little, 2**40 * NS)) == (2**31 - 1) * NS
-    assert stamp_of(with_stamp(little, -(2**40) * NS)) == -(2**31) * NS

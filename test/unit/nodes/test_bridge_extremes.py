@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from slip_core.errors import InputError
-from slip_core.params import RANGES, ParameterInfo, build, flatten, parameter_infos
+from slip_core.params import ParameterInfo, build, flatten, parameter_infos, range_of
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.plant import DivergenceError
 from slip_vic.scenarios.scenario import load_scenario
@@ -29,7 +29,7 @@ def extremes(info: ParameterInfo) -> Iterator[Any]:
     if info.kind is bool:
         yield not info.default
         return
-    bounds, largest = info.bounds, RANGES[info.unit][1]
+    bounds, largest = info.bounds, range_of(info.unit)[1]
     if info.kind in (int, float):
         yield from (bounds.get("ge", 0), bounds.get("le", largest))
         return

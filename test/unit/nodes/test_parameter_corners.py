@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from slip_core.errors import InputError
-from slip_core.params import RANGES, ParameterInfo, build, flatten, parameter_infos
+from slip_core.params import ParameterInfo, build, flatten, parameter_infos, range_of
 from slip_sim_bridge.session import BridgeSession
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.params.node_params import ControllerNodeParams
@@ -36,7 +36,7 @@ OWN = {"observer, circle": "", "measured, quintic": ("trajectory.", "measured.",
 
 def corners(info: ParameterInfo) -> Iterator[float]:
     """Yield the ends of a parameter's range, and what is far out of it."""
-    bounds, (smallest, largest) = info.bounds, RANGES[info.unit]
+    bounds, (smallest, largest) = info.bounds, range_of(info.unit)
     yield bounds["ge"] if "ge" in bounds else math.nextafter(bounds["gt"], math.inf) if "gt" in bounds else smallest
     yield bounds["le"] if "le" in bounds else math.nextafter(bounds["lt"], -math.inf) if "lt" in bounds else largest
     yield 0.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar, Literal
 
-from slip_core.drive_params import EACH, CommandInterface, DriveModel
+from slip_core.device_params import EACH, CommandInterface, DriveModel
 from slip_core.params import parameter
 
 

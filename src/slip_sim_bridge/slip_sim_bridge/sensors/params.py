@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from slip_core.drive_params import JointSensorModel
+from slip_core.device_params import JointSensorModel, SlipSensorModel, WrenchSensorModel
 from slip_core.grasp_params import Six, Three
 from slip_core.params import ParameterModel, parameter
-from slip_core.sensor_params import SlipSensorModel, WrenchSensorModel
 
 NO_BIAS: Six = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 CHIPS = 3

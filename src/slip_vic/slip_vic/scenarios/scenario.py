@@ -18,7 +18,6 @@ from slip_core.files.plain_yaml import read_yaml
 from slip_core.files.urdf import on_base
 from slip_core.files.urdf_file import read_urdf
 from slip_core.grasp_params import BaseParams, Three
-from slip_core.loading import without_collector
 from slip_core.params import (
     ParameterModel,
     build,
@@ -236,8 +235,7 @@ class Scenario:
             InputError: e.g. a URDF without the frame, joints missing or in another order, a path out of reach;
                 more contacts than arms.
         """
-        with without_collector():
-            from slip_vic_controller.session.controller import Controller
+        from slip_vic_controller.session.controller import Controller
 
         for params in self.controllers.values():
             contacts = params.contacts.count

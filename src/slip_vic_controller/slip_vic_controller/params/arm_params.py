@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from slip_core.drive_params import JointSensorModel
+from slip_core.device_params import JointSensorModel
 from slip_core.params import ParameterModel, parameter
 
 

@@ -9,10 +9,9 @@ from typing import Literal
 from pydantic import Field, field_validator, model_validator
 
 from slip_core import grasp_params
-from slip_core.drive_params import DriveModel
+from slip_core.device_params import SLIP_INPUT, DriveModel, SlipInput, SlipSensorModel
 from slip_core.grasp_params import ArmParams, Six, Three
-from slip_core.params import RANGES, ParameterModel, parameter, parameter_unit
-from slip_core.sensor_params import SLIP_INPUT, SlipInput, SlipSensorModel
+from slip_core.params import ParameterModel, parameter, parameter_unit, range_of
 from slip_vic_controller.params.arm_params import DisturbanceParams, JointSensorConfig, TareParams
 from slip_vic_controller.params.interface_params import CommandParams, EffortParams, GripParams, WrenchParams
 from slip_vic_controller.params.safety_params import SafetyParams
@@ -103,9 +102,9 @@ class GainParams(ParameterModel):
         for name in ("stiffness", "damping", "inertia"):
             values = getattr(self, name)
             unit = parameter_unit(type(self), name)
-            if min(values) < RANGES[unit][0]:
+            if min(values) < range_of(unit)[0]:
                 raise ValueError(
-                    f"{name} {list(values)}: every gain must be positive, at least {RANGES[unit][0]:g} {unit}"
+                    f"{name} {list(values)}: every gain must be positive, at least {range_of(unit)[0]:g} {unit}"
                 )
         return self
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Literal
 
-from slip_core.drive_params import CommandInterface
+from slip_core.device_params import CommandInterface, GripperModel
 from slip_core.grasp_params import Three
-from slip_core.grip_params import GripperModel
 from slip_core.params import ParameterModel, parameter
 
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from slip_core import sensor_params
+from slip_core import device_params
 from slip_core.params import ParameterModel, parameter
 
 
-class WrenchSensorModel(sensor_params.WrenchSensorModel):
+class WrenchSensorModel(device_params.WrenchSensorModel):
     """What is known of the wrench sensor, and by how much it may be off."""
 
     bias_force: float = parameter(0.1, "expected size of a constant force error", unit="N", gt=0.0)
