@@ -18,9 +18,9 @@ from slip_core.arms import prefix_of
 from slip_core.errors import ProtocolError
 from slip_vic.replay.run_data import read_run
 from slip_vic.replay.verify import verify_run
+from slip_vic.run.data import read_data
 from slip_vic.run.launcher import Launcher
 from slip_vic.run.metrics import summarise
-from slip_vic.run.series import read_series
 from slip_vic.scenarios.scenario import Estimator, Law, Scenario, load_scenario
 
 SEED: Final = 0
@@ -124,7 +124,7 @@ def make_references(folder: Path, tell: Callable[[str], None]) -> None:
                 why = verdict.text()
                 raise ProtocolError(f"reference bag {reference.name}: {result.lost} lost, short: {short}; {why}")
             tell(f"{reference.name}: {verdict.text()}")
-            numbers = summarise(read_series(staging / reference.name))
+            numbers = summarise(read_data(staging / reference.name).arm(""))
             slip = f"{1e3 * numbers['slip_linear_m']:.2f} mm, {math.degrees(numbers['slip_angular_rad']):.2f} deg"
             what = f"{' '.join(loaded.description.split())} {reference.what}"
             told = f"{size / 2**20:.2f} MiB | {result.messages} | {slip} | {what} | `{reference.command()}`"

@@ -149,9 +149,9 @@ def result_lines(result: RunResult, scenario: Scenario) -> Iterator[str]:
     if result.bag is None:
         yield "slip, error and arrival: with --record BAG, or --in-process"
         return
-    from slip_vic.run.judge import judge_bag, modes_of_bag
+    from slip_vic.run.judge import judge_bag
 
-    yield from summary_lines(judge_bag(result.bag, scenario, result.incidents), modes_of_bag(result.bag, scenario))
+    yield from summary_lines(*judge_bag(result.bag, scenario, result.incidents))
 
 
 def summary_lines(verdict: Verdict, modes: Mapping[str, Sequence[tuple[float, str]]]) -> Iterator[str]:

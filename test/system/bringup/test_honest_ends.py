@@ -6,9 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
-from slip_vic.cli import cli
 from test.system.bringup.test_cli import slip_vic
 
 NO_GRIP = ("--set", "bridge.grip.force=0.0", "--set", "bridge.duration_s=0.1")
@@ -53,12 +51,3 @@ def test_the_demo_says_it_of_each_run_and_keeps_everything(tmp_path: Path) -> No
     assert said == [f"{kind}: {LOST}" for kind in ("classical", "vic", "governed")]
     runs = json.loads((tmp_path / "out/summary.json").read_text())["runs"]
     assert all(LOST in run["incidents"] for run in runs.values())
-
-
-def test_the_study_says_it_of_each_case(tmp_path: Path) -> None:
-    words = ("study", "--scenario", "glass_transport", "--sensor", "ideal", "--law", "classical")
-    end = (*NO_GRIP, "--seeds", "1", "--jobs", "1", "--out", tmp_path / "study")
-    done = CliRunner().invoke(cli, [str(word) for word in (*words, *end)])
-    assert done.exit_code == 1
-    assert f"glass_transport classical ideal none none 0: lost, {LOST}" in done.stderr
-    assert CliRunner().invoke(cli, [str(word) for word in (*words, *end, "--allow-fault")]).exit_code == 0

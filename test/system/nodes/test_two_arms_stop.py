@@ -137,7 +137,7 @@ def recorded(operator: Operator, processes: Processes, tmp_path: Path) -> tuple[
     stop_and_go_on(operator)
     for child in (bridge, controller, recorder):
         assert processes.stop(child, signal.SIGINT) == 0, child.tail()
-    return bag, judge_bag(bag, scenario)
+    return bag, judge_bag(bag, scenario)[0]
 
 
 @pytest.mark.timeout(600)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from slip_sim_bridge.internal import internal_wrenches
-from slip_vic.page.runs import shown
+from slip_vic.page.runs import drawn
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.arm.robot import Robot
 
@@ -41,6 +41,7 @@ def test_run_has_both_arms(tmp_path: Path) -> None:
     text = run.page(tmp_path / "run.html").read_text()
     assert "vic left" in text
     assert "vic right" in text
-    for arm, series in zip(shown(run, "vic", np.array([0.0])).arms, run.track.series(), strict=True):
-        drawn = Robot(arm.urdf, arm.tip, arm.joint_names).frame(arm.joints[0])[0]  # on its base
-        np.testing.assert_allclose(drawn, series.law_six("position")[0, :3], atol=1e-9)
+    data = run.track.data()
+    for arm, own in zip(drawn(data, "vic", np.array([0.0])).arms, data.arms, strict=True):
+        tip = Robot(arm.urdf, arm.tip, arm.joint_names).frame(arm.joints[0])[0]  # on its base
+        np.testing.assert_allclose(tip, own.law_six("position")[0, :3], atol=1e-9)

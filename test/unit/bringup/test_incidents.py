@@ -8,10 +8,8 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from slip_core.incidents import KINDS, Incident
+from slip_core.incidents import Incident
 from slip_vic.cli import cli
-from slip_vic.experiments.run import run
-from slip_vic.experiments.world import World
 from slip_vic.run.in_process import run_in_process
 from slip_vic.run.launcher import RunResult
 from slip_vic.scenarios.scenario import Law, load_scenario
@@ -70,17 +68,6 @@ def test_a_path_that_waits_for_the_arm_is_unreachable_only_when_it_waits_long() 
     waits, late = (Mode.DEGRADED, Cause.PATH_WAITS), 1.01 * UNREACHABLE_S
     assert seen((0.0, *waits), (late, *waits)) == [("unreachable", pytest.approx(late))]
     assert seen((0.0, *waits), (1.0, Mode.ACTIVE, 0), (late, *waits), (1.9 * late, *waits)) == []
-
-
-def test_a_study_names_the_outcome() -> None:
-    slippery = World("vertical_plane", "ideal", settings=("bridge.grip.force=1.0", "bridge.duration_s=1.0"))
-    result = run(slippery, "classical")
-    assert result.outcome in ("lost", "fault")
-    assert result.reason.startswith(KINDS[result.outcome])
-    well = run(World("glass_transport", "ideal", settings=("bridge.duration_s=1.5",)), "governed")
-    assert well.outcome == "ok"
-    assert well.metrics["slip_linear_peak_m"] < 1e-7
-    assert 0.7 < well.metrics["arrival_s"] < 1.0
 
 
 def test_run_says_it_and_ends_with_1_unless_it_is_an_experiment(monkeypatch: pytest.MonkeyPatch) -> None:

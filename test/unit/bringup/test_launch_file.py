@@ -19,7 +19,6 @@ from slip_core.arms import model_of_arms
 from slip_core.errors import InputError
 from slip_core.params import ParameterModel, build, flatten
 from slip_sim_bridge.params import BridgeParams
-from slip_vic.run.launcher import Launcher
 from slip_vic.run.node_command import LaunchPlan, launch_plan, run_parameters
 from slip_vic.run.recording import recorder_command
 from slip_vic.scenarios.scenario import NODES, load_scenario
@@ -154,27 +153,20 @@ def read(path: Path, name: str, models: Mapping[str, type[ParameterModel]] = ONE
     return flatten(build(model, yaml.safe_load(path.read_text())[f"/**/{node}"]["ros__parameters"], str(path)))
 
 
-def test_the_plan_is_that_of_slip_vic_run(tmp_path: Path) -> None:
-    made = plan(tmp_path)
-    scenario = load_scenario("glass_transport", law="classical", seed=3, assignments=["object.mass=0.2"])
+@pytest.mark.parametrize(
+    ("name", "namespace", "models"),
+    [("glass_transport", "/left", ONE_ARM), ("pane_two_arms_upright", "", TWO_ARMS)],
+)
+def test_the_plan_is_that_of_a_run(
+    tmp_path: Path, name: str, namespace: str, models: Mapping[str, type[ParameterModel]]
+) -> None:
+    made = plan(tmp_path, scenario=name, namespace=namespace)
+    scenario = load_scenario(name, law="classical", seed=3, assignments=["object.mass=0.2"])
     controller, bridge = run_parameters(scenario, recording=True)
     assert made.bridge is not None
-    assert read(made.controller, "controller") == flatten(controller)
-    assert read(made.bridge, "bridge") == flatten(bridge)
-    assert (controller.expected_subscribers, bridge.wait_for) == (2, ("controller", "recorder"))
-    assert made.recorder == recorder_command(scenario, tmp_path / "bag", tmp_path, "/left")
-    assert made.recorder[-2:] == ["--namespace", "/left"]
-    assert "run_parameters(scenario, recording)" in inspect.getsource(Launcher)
-
-
-def test_the_plan_of_two_arms_is_that_of_slip_vic_run(tmp_path: Path) -> None:
-    made = plan(tmp_path, scenario="pane_two_arms_upright", assignments=["object.mass=0.9"], namespace="")
-    scenario = load_scenario("pane_two_arms_upright", law="classical", seed=3, assignments=["object.mass=0.9"])
-    controller, bridge = run_parameters(scenario, recording=True)
-    assert made.bridge is not None
-    assert read(made.controller, "controller", TWO_ARMS) == flatten(controller)
-    assert read(made.bridge, "bridge", TWO_ARMS) == flatten(bridge)
-    assert made.recorder == recorder_command(scenario, tmp_path / "bag", tmp_path, "")
+    assert read(made.controller, "controller", models) == flatten(controller)
+    assert read(made.bridge, "bridge", models) == flatten(bridge)
+    assert made.recorder == recorder_command(scenario, tmp_path / "bag", tmp_path, namespace)
 
 
 def test_without_bag_and_without_bridge(tmp_path: Path) -> None:

@@ -16,10 +16,10 @@ from slip_vic.page import require_page, scripts
 from slip_vic.page.packing import Packer, compressed, unpack
 from slip_vic.page.page import make_page, write_page
 from slip_vic.page.plots import plot_series
-from slip_vic.page.runs import colours, grid, load_ratio, object_size, read_run, thinned
+from slip_vic.page.runs import colours, drawn, grid, load_ratio, object_size, thinned
 from slip_vic.page.urdf import links_of
+from slip_vic.run.data import read_data
 from slip_vic.run.metrics import summarise
-from slip_vic.run.series import read_series
 from test.support.two_arms import two_arms
 
 BAGS = Path(__file__).parents[3] / "bags"
@@ -113,11 +113,9 @@ def test_a_thinned_path_keeps_its_ends() -> None:
 
 def test_a_run_is_read_on_the_grid() -> None:
     bag = BAGS / "paper_planar_vic"
-    series = read_series(bag)
-    times = grid(float(series.time[-1]))
-    run = read_run(bag, "vic", times)
-    (arm,) = run.arms
-    numbers = summarise(series)
+    data = read_data(bag)
+    (arm,) = drawn(data, "vic", grid(data.duration_s)).arms
+    numbers = summarise(data.arm(""))
     assert arm.values["slip_mm"][-1] == pytest.approx(1e3 * numbers["slip_linear_m"], abs=1e-9)
     assert np.nanmax(arm.values["slip_mm"]) <= 1e3 * numbers["slip_linear_peak_m"]
     assert np.isfinite(arm.joints).all()
@@ -127,7 +125,7 @@ def test_a_run_is_read_on_the_grid() -> None:
 
 def test_two_arms_are_two_arms_of_one_run(tmp_path: Path) -> None:
     two_arms(BAGS / "paper_planar_vic", tmp_path / "bag")
-    run = read_run(tmp_path / "bag", "pair", grid(1.0))
+    run = drawn(read_data(tmp_path / "bag"), "pair", grid(1.0))
     assert [arm.name for arm in run.arms] == ["left", "right"]
     assert run.object_pose is not None
     (_, (slip,)), *_ = plot_series([run])

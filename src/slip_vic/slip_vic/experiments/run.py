@@ -175,8 +175,9 @@ def metrics_of(verdict: Verdict, outcome: str, track: Track, driven: Driven | Co
     if not track.ticks:
         return found
     found |= {name: verdict.worst(name) for name in OF_VERDICT}
-    series = track.series()
-    paths = [slip_path(one.time, one.slip_velocity) for one in series]
+    arms = track.data().arms
+    slips = [arm.channel("slip_velocity") for arm in arms]
+    paths = [slip_path(slip.times, slip.rows) for slip in slips]
     found["slip_path_m"], found["slip_path_rad"] = max(path[0] for path in paths), max(path[1] for path in paths)
     found["squeeze_mean_n"], found["squeeze_peak_n"] = float(np.mean(driven.grips)), float(max(driven.grips))
     if driven.step_s:
@@ -184,7 +185,7 @@ def metrics_of(verdict: Verdict, outcome: str, track: Track, driven: Driven | Co
     if outcome in LOST:
         found["arrival_s"] = math.nan
     else:
-        pairs = zip(series, track.scenario.controllers.values(), strict=True)
+        pairs = zip(arms, track.scenario.controllers.values(), strict=True)
         found["off_goal_m"] = max(off_goal_m(one, params) for one, params in pairs)
     return found
 

@@ -6,7 +6,7 @@ import os
 import shlex
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import click
@@ -14,9 +14,6 @@ import click
 from slip_core.errors import InputError
 from slip_vic.options import out_option
 from slip_vic.page import require_page
-
-LOOK_S = 1.0
-"""How often `watch` looks for another run."""
 
 
 @click.command()
@@ -50,7 +47,7 @@ def report(bags: tuple[Path, ...], out: Path, title: str) -> None:
 def watch(namespace: str, domain_id: int | None, host: str, port: int, rate: float, duration: float) -> None:
     """Show in the browser what runs now: the same picture and plots, from the topics.
 
-    Without --domain-id and ROS_DOMAIN_ID it follows `slip-vic run`: also one that begins later.
+    Without --domain-id and ROS_DOMAIN_ID it shows the newest `slip-vic run` of this machine.
     """
     from slip_msgs_py.environment import check_ros
 
@@ -62,50 +59,23 @@ def watch(namespace: str, domain_id: int | None, host: str, port: int, rate: flo
     from slip_vic.page.live import watch as run_watch
     from slip_vic.run.domain import check_domain, domain_from_environment, domains_in_use
 
+    runs = domains_in_use()
     wanted = domain_id if domain_id is not None else domain_from_environment()
-    domain = check_domain(wanted or 0)
+    domain = check_domain((runs or [0])[0] if wanted is None else wanted)
     audience = Audience(host, port)
     click.echo(f"http://{host}:{audience.port}/  (Ctrl-C ends)")
     end = time.monotonic() + duration if duration else float("inf")
     try:
-        with StopFlag() as stop:
-
-            def over() -> bool:
-                return bool(stop()) or time.monotonic() >= end
-
-            while not over():
-                runs = domains_in_use()
-                if wanted is None and runs:
-                    domain = runs[0]
-                os.environ["ROS_DOMAIN_ID"] = str(domain)
-                click.echo(what_is_watched(domain, runs), err=True)
-                ended_or_moved = over if wanted is not None else until_another_run(domain, over)
-                with ros_node("slip_vic_watch", "/") as node:
-                    run_watch(node, audience, namespace, rate, ended_or_moved)
+        os.environ["ROS_DOMAIN_ID"] = str(domain)
+        click.echo(what_is_watched(domain, runs), err=True)
+        with StopFlag() as stop, ros_node("slip_vic_watch", "/") as node:
+            run_watch(node, audience, namespace, rate, lambda: bool(stop()) or time.monotonic() >= end)
     finally:
         audience.close()
 
 
-def until_another_run(domain: int, over: Callable[[], bool]) -> Callable[[], bool]:
-    """Return a condition that is true when it is `over`, or `slip-vic run` is at work in other domains alone."""
-    from slip_vic.run.domain import domains_in_use
-
-    looked = 0.0
-
-    def stop() -> bool:
-        nonlocal looked
-        if over():
-            return True
-        if (now := time.monotonic()) < looked + LOOK_S:
-            return False
-        looked, runs = now, domains_in_use()
-        return bool(runs) and domain not in runs
-
-    return stop
-
-
 def what_is_watched(domain: int, runs: Sequence[int]) -> str:
-    """Return a line that tells what `slip-vic watch` looks at; runs: domains that runs of this suite hold."""
+    """Return a line that says which domain `slip-vic watch` shows; runs: domains that runs of this suite hold."""
     others = [str(one) for one in runs if one != domain]
     here = "a run of slip-vic" if domain in runs else "joint_states and robot_description"
     more = f"; runs are in domain {', '.join(others)} too (--domain-id)" if others else ""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
@@ -29,9 +29,9 @@ from slip_sim_bridge.params import BridgeParams
 from slip_vic.page.audience import Audience
 from slip_vic.page.packing import Packer
 from slip_vic.page.plots import describe_plots, plot_series
-from slip_vic.page.runs import Arm, Run, arm_of, describe
+from slip_vic.page.runs import NO_PATH, Arm, Run, arm_of, describe
 from slip_vic.page.urdf import box_of
-from slip_vic.run.series import AXES
+from slip_vic.run.data import AXES, ArmData, Channel
 
 MODE: Final = "controller/mode"
 NEWEST: Final = ("joint_states", "slip_truth", "controller/scalars", "object_state")
@@ -195,19 +195,26 @@ def arm_now(watched: WatchedArm) -> Arm:
     states, truth, scalars = newest["joint_states"], newest["slip_truth"], newest["controller/scalars"]
     mode, names, none = watched.text(MODE), tuple(states.name), np.full((1, 6), np.nan)
     symbols: dict[str, float] = {} if scalars is None else dict(zip(scalars.name, scalars.position, strict=True))
-    return arm_of(
+    rows = {
+        "joints": np.array([states.position]),
+        "slip_velocity": none if truth is None else np.array([truth.velocity]),
+        "slip": none if truth is None else np.array([truth.position]),
+        "effort": np.array([[symbols.get(f"effort_{joint + 1}", np.nan) for joint in range(len(names))]]),
+        "wrench": _wrench(symbols),
+    }
+    if scalars is not None:
+        rows["law"] = np.array([scalars.position])
+    now = np.zeros(1)
+    data = ArmData(
         watched.name,
         watched.text("robot_description") or "",
         names,
         watched.parameters,
-        joints=np.array([states.position]),
-        velocity=none if truth is None else np.array([truth.velocity]),
-        efforts=np.array([[symbols.get(f"effort_{joint + 1}", np.nan) for joint in range(len(names))]]),
-        displacement=none if truth is None else np.array([truth.position]),
-        law=None if scalars is None else (scalars.name, np.array([scalars.position])),
-        wrench=_wrench(symbols),
-        modes=() if mode is None else ((0.0, mode),),
+        {name: Channel(now, values) for name, values in rows.items()},
+        tuple(symbols),
+        () if mode is None else ((0.0, mode),),
     )
+    return replace(arm_of(data, now), planned=NO_PATH)
 
 
 def _wrench(symbols: Mapping[str, float]) -> Array:

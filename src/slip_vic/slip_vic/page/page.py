@@ -12,14 +12,13 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
-from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_vic.page.packing import Packer, compressed
 from slip_vic.page.plots import describe_plots
-from slip_vic.page.runs import Run, colours, describe, duration_s, grid, read_run, shown
+from slip_vic.page.runs import Run, colours, describe, drawn, grid
 from slip_vic.page.scripts import read_static, three, uplot
+from slip_vic.run.data import RunData, read_data
 from slip_vic.run.metrics import summarise, summary_rows
-from slip_vic.run.series import read_series
 
 if TYPE_CHECKING:
     from slip_vic.run import run
@@ -65,10 +64,10 @@ def write_runs(path: Path, made: Mapping[str, run.Run], *, command: str, title: 
     Raises:
         InputError: a file that cannot be written.
     """
-    times = grid(max(float(one.track.series()[0].time[-1]) for one in made.values()))
-    runs = [shown(one, label, times) for label, one in made.items()]
+    data = {label: one.track.data() for label, one in made.items()}
     numbers = {f"{label} {arm}".strip(): summary for label, one in made.items() for arm, summary in one.summary.items()}
-    write_text(path, _page(runs, numbers, times, command=command, title=title, description=description))
+    ends = {label: one.reason for label, one in made.items() if one.outcome != "ok"}
+    write_text(path, _page(data, numbers, command=command, title=title, description=description, ends=ends))
 
 
 def write_text(path: Path, text: str) -> None:
@@ -98,26 +97,27 @@ def make_page(
     ends: Mapping[str, str] = MappingProxyType({}),
 ) -> tuple[str, dict[str, dict[str, Any]]]:
     """Return the page as text, and the numbers of its table by label."""
-    times = grid(duration_s(list(bags.values())))
-    runs = [read_run(path, label, times, ends.get(label, "")) for label, path in bags.items()]
+    data = {label: read_data(path) for label, path in bags.items()}
     numbers = {
-        f"{run.label} {arm.name}" if len(run.arms) > 1 else run.label: summarise(read_series(path, arm.name))
-        for run, path in zip(runs, bags.values(), strict=True)
+        f"{label} {arm.name}" if len(run.arms) > 1 else label: summarise(arm)
+        for label, run in data.items()
         for arm in run.arms
-        if run.object_pose is not None and "slip_mm" in arm.values and "error_mm" in arm.values
+        if {"slip", "law", "effort"} <= arm.channels.keys()
     }
-    return _page(runs, numbers, times, command=command, title=title, description=description), numbers
+    return _page(data, numbers, command=command, title=title, description=description, ends=ends), numbers
 
 
 def _page(
-    runs: Sequence[Run],
+    data: Mapping[str, RunData],
     numbers: Mapping[str, Mapping[str, Any]],
-    times: Array,
     *,
     command: str,
     title: str,
     description: str,
+    ends: Mapping[str, str],
 ) -> str:
+    times = grid(max(run.duration_s for run in data.values()))
+    runs: list[Run] = [drawn(run, label, times, ends.get(label, "")) for label, run in data.items()]
     packer = Packer()
     described, missing = [], []
     for run, colour in zip(runs, colours([run.label for run in runs]), strict=True):

@@ -1,31 +1,19 @@
-"""What the page shows of recorded runs: poses, paths and series, all on one grid of times."""
+"""What the page shows of runs: poses, paths and series, all on one grid of times."""
 
 from __future__ import annotations
 
 import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
-import yaml
-from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
-from slip_bags.reader import Bag
 from slip_core.arrays import Array
-from slip_core.errors import InputError
-from slip_core.files.plain_yaml import read_yaml
 from slip_core.files.urdf import parse_urdf
-from slip_core.params import flat_names, flatten
-from slip_core.types import COMMAND_TOPICS
 from slip_vic.page.packing import Packer
 from slip_vic.page.urdf import links_of
-from slip_vic.run.series import AXES, mode_changes
-
-if TYPE_CHECKING:
-    from slip_vic.run import run as run_module
+from slip_vic.run.data import AXES, ArmData, Channel, RunData
 
 STEP_S: Final = 0.004
 MOST_FRAMES: Final = 4000
@@ -63,7 +51,7 @@ class Arm:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """One bag: its arms, the object's pose (N, 7) (position, quaternion xyzw; None where unknown) and size [m]."""
+    """One run: its arms, the object's pose (N, 7) (position, quaternion xyzw; None where unknown) and size [m]."""
 
     label: str
     arms: tuple[Arm, ...]
@@ -73,198 +61,50 @@ class Run:
     facts: Mapping[str, str] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, slots=True)
-class Topics:
-    """The topics of one arm: full names by relative name."""
-
-    name: str
-    names: Mapping[str, str]
-
-
-def duration_s(paths: Sequence[Path]) -> float:
-    """Return how long the longest of some runs is, by the stamps of its joint states [s]."""
-    longest = 0.0
-    for path in paths:
-        with Bag(path) as bag:
-            for arm in arms_of(bag):
-                stamps = bag.series(arm.names["joint_states"]).stamps
-                longest = max(longest, float(stamps[-1] - stamps[0]) * 1e-9)
-    return longest
-
-
 def grid(duration: float) -> Array:
     """Return the times of all runs; (N,) [s]."""
     return np.linspace(0.0, duration, min(MOST_FRAMES, max(1, round(duration / STEP_S))) + 1)
 
 
-def arms_of(bag: Bag) -> list[Topics]:
-    """Return the arms of a bag: every namespace in which joint states were recorded.
-
-    Raises:
-        InputError: there is none.
-    """
-    ends = "joint_states"
-    prefixes = sorted(
-        name.removesuffix(ends) for name, info in bag.topics.items() if name.endswith(f"/{ends}") and info.message_count
-    )
-    if not prefixes:
-        raise InputError(f"bag {bag.path}", got=f"no message on {ends}", expected="a recorded run of this suite")
-    found = []
-    for prefix in prefixes:
-        names = {
-            name.removeprefix(prefix): name
-            for name, info in bag.topics.items()
-            if name.startswith(prefix) and info.message_count
-        }
-        found.append(Topics(prefix.strip("/"), names))
-    return found
+def drawn(data: RunData, label: str, times: Array, end: str = "") -> Run:
+    """Return what the page shows of a run; `end` says why it did not end well."""
+    pose = None if data.object_pose is None else newest_on_grid(data.object_pose, times)
+    arms = tuple(arm_of(arm, times, end) for arm in data.arms)
+    return Run(label, arms, pose, object_size(data.bridge), data.versions, data.facts)
 
 
-def read_run(path: Path, label: str, times: Array, end: str = "") -> Run:
-    """Read what the page shows of one bag; `end` says why the run did not end well.
-
-    Raises:
-        InputError: no bag, a damaged one, or one without joint states or the arm's description.
-    """
-    with Bag(path) as bag:
-        topics = arms_of(bag)
-        start_ns = int(min(bag.series(arm.names["joint_states"]).stamps[0] for arm in topics))
-        ends = ("/object_state", "/object/state")
-        pose_topic = next((name for name, i in bag.topics.items() if name.endswith(ends) and i.message_count), None)
-        parameters = _parameters(bag, "bridge.params.yaml", topics[0].name)
-        pose = None
-        if pose_topic is not None:
-            series = bag.series(pose_topic)
-            rows = series.columns("pose.pose.position", "pose.pose.orientation")
-            pose = newest_on_grid(rows, (series.stamps - start_ns) * 1e-9, times)
-        return Run(
-            label=label,
-            arms=tuple(_read_arm(bag, arm, start_ns, times, end) for arm in topics),
-            object_pose=pose,
-            object_size=object_size(parameters),
-            versions=_versions(bag),
-            facts={
-                name: bag.custom_data[name] for name in ("scenario", "seed", "git_revision") if name in bag.custom_data
-            },
-        )
-
-
-def shown(run: run_module.Run, label: str, times: Array) -> Run:
-    """Return what the page shows of a run in this process."""
-    scenario, arms = run.scenario, []
-    pose = None
-    for k, series in enumerate(run.track.series()):
-
-        def held(rows: Array, time: Array = series.time) -> Array:
-            return newest_on_grid(rows, time, times)
-
-        controller, symbols = scenario.controllers[series.arm], list(series.law)
-        desired = series.law_six("desired")[:, :3]
-        ends = [(float(series.time[-1]), run.reason)] if run.outcome != "ok" else []
-        arms.append(
-            arm_of(
-                series.arm,
-                scenario.placed[series.arm],
-                tuple(controller.joint_names),
-                flatten(controller),
-                joints=held(run.track.joints(k)[:, : len(controller.joint_names)]),
-                velocity=held(series.slip_velocity),
-                efforts=held(series.effort),
-                displacement=held(series.slip_displacement),
-                law=(symbols, held(np.stack([series.law[name] for name in symbols], axis=1))),
-                wrench=held(series.wrench),
-                internal=held(series.internal) if series.internal.size else None,
-                planned=desired[np.isfinite(desired).all(axis=1)],
-                modes=(*run.modes[series.arm], *ends),
-            )
-        )
-        if pose is None:
-            pose = held(np.hstack([series.object_position, Rotation.from_matrix(series.object_rotation).as_quat()]))
-    facts = {"scenario": scenario.name, "seed": str(scenario.seed)}
-    return Run(label, tuple(arms), pose, object_size(flatten(scenario.first)), {}, facts)
-
-
-def arm_of(
-    name: str,
-    urdf: str,
-    joint_names: tuple[str, ...],
-    parameters: Mapping[str, Any],
-    *,
-    joints: Array,
-    velocity: Array,
-    efforts: Array,
-    displacement: Array | None = None,
-    law: tuple[Sequence[str], Array] | None = None,
-    wrench: Array | None = None,
-    internal: Array | None = None,
-    planned: Array = NO_PATH,
-    modes: tuple[tuple[float, str], ...] = (),
-) -> Arm:
-    """Return an arm with its series, from what is known of it on the grid.
-
-    Args:
-        name, urdf, joint_names, joints, efforts, planned, modes: see `Arm`.
-        parameters: of the controller.
-        velocity, displacement: of the slip; (N, 6) pad axes, (N, 6) {p}.
-        law: names of its symbols, and their values (N, k).
-        wrench: of the object on the pad (N, 6) {ee}.
-        internal: wrench with which several arms work against each other; (N, 6) pad axes.
-    """
+def arm_of(data: ArmData, times: Array, end: str = "") -> Arm:
+    """Return an arm with its series on the grid."""
+    held = {name: newest_on_grid(channel, times) for name, channel in data.channels.items()}
+    nothing = np.full((len(times), max(6, len(data.joint_names))), np.nan)
+    velocity = held.get("slip_velocity", nothing[:, :6])
     values = {"slip_speed": 1e3 * np.linalg.norm(velocity[:, :3], axis=1)}
-    if displacement is not None:
-        values["slip_mm"] = 1e3 * np.linalg.norm(displacement[:, :3], axis=1)
-        values["slip_deg"] = np.degrees(np.linalg.norm(displacement[:, 3:], axis=1))
-    if law is not None:
-        values |= law_values(*law)
-    if wrench is not None:
-        values["load"] = load_ratio(wrench, parameters)
-    if internal is not None:
-        values |= {"internal_n": np.linalg.norm(internal[:, :2], axis=1), "internal_nm": np.abs(internal[:, 5])}
-    limits, tip = effort_limits_of(urdf, joint_names), str(parameters.get("ee_frame", "ee"))
-    return Arm(name, urdf, tip, joint_names, joints, velocity, planned, values, efforts, limits, modes)
-
-
-def _read_arm(bag: Bag, arm: Topics, start_ns: int, times: Array, end: str) -> Arm:
-    def held(name: str, *fields: str) -> Array | None:
-        """Return fields of a topic on the grid: one array, or the components of several; None without the topic."""
-        if name not in arm.names:
-            return None
-        series = bag.series(arm.names[name])
-        rows = series[fields[0]] if fields[0] in series else series.columns(*fields)
-        return newest_on_grid(rows, (series.stamps - start_ns) * 1e-9, times)
-
-    states = bag.series(arm.names["joint_states"])
-    names = tuple(str(name) for name in states["name"][0])
-    nothing = np.full((len(times), max(6, len(names))), np.nan)
-    joints = newest_on_grid(states["position"], (states.stamps - start_ns) * 1e-9, times)
-    velocity = held("slip_truth", "velocity")
-    if velocity is None:
-        velocity = held("slip_velocity", "twist.linear", "twist.angular")
-    law, planned = None, NO_PATH
-    if (topic := arm.names.get("controller/scalars")) is not None:
-        scalars = bag.series(topic)
-        symbols = [str(name) for name in scalars["name"][0]]
-        table = held("controller/scalars", "position")
-        law = None if table is None else (symbols, table)
-        desired = scalars["position"][:, [symbols.index(f"desired_{axis}") for axis in "xyz"]]
+    planned = NO_PATH
+    if "slip" in held:
+        values["slip_mm"] = 1e3 * np.linalg.norm(held["slip"][:, :3], axis=1)
+        values["slip_deg"] = np.degrees(np.linalg.norm(held["slip"][:, 3:], axis=1))
+    if "law" in held:
+        values |= law_values(data.symbols, held["law"])
+        desired = data.law_six("desired")[:, :3]
         planned = desired[np.isfinite(desired).all(axis=1)]
-    command = next((name for name in COMMAND_TOPICS if name in arm.names), "")
-    efforts = held(command, "effort") if command and bag.series(arm.names[command])["effort"].ndim == 2 else None
-    ends = [(1e-9 * float(states.stamps[-1] - start_ns), end)] if end else []
-    return arm_of(
-        arm.name,
-        _urdf(bag, arm),
-        names,
-        _parameters(bag, "controller.params.yaml", arm.name),
-        joints=joints,
-        velocity=nothing[:, :6] if velocity is None else velocity,
-        efforts=nothing[:, : len(names)] if efforts is None else efforts,
-        displacement=held("slip_truth", "position"),
-        law=law,
-        wrench=held("wrench", "wrench.force", "wrench.torque"),
-        internal=held("internal_wrench", "wrench.force", "wrench.torque"),
-        planned=planned,
-        modes=(*mode_changes(bag, arm.names.get("controller/mode"), states, start_ns), *ends),
+    if "wrench" in held:
+        values["load"] = load_ratio(held["wrench"], data.parameters)
+    if "internal" in held:
+        internal = held["internal"]
+        values |= {"internal_n": np.linalg.norm(internal[:, :2], axis=1), "internal_nm": np.abs(internal[:, 5])}
+    ends = [(float(data.channel("joints").times[-1]), end)] if end else []
+    return Arm(
+        data.name,
+        data.urdf,
+        str(data.parameters.get("ee_frame", "ee")),
+        data.joint_names,
+        held["joints"],
+        velocity,
+        planned,
+        values,
+        held.get("effort", nothing[:, : len(data.joint_names)]),
+        effort_limits_of(data.urdf, data.joint_names),
+        (*data.modes, *ends),
     )
 
 
@@ -314,37 +154,6 @@ def object_size(parameters: Mapping[str, Any]) -> tuple[float, float, float]:
     return x, y, z
 
 
-def _urdf(bag: Bag, arm: Topics) -> str:
-    topic = arm.names.get("robot_description") or bag.topics.get("/robot_description")
-    if isinstance(topic, str):
-        return str(next(iter(bag.messages(topic))).value.data)
-    for name in (f"{arm.name}.urdf", "arm.urdf"):
-        if name in bag.attachments:
-            return bag.attachments[name].decode("utf-8")
-    raise InputError(f"bag {bag.path}", got="no robot_description", expected="the arm's URDF, as topic or attachment")
-
-
-def _versions(bag: Bag) -> dict[str, Any]:
-    try:
-        return dict(read_yaml(bag.custom_data.get("versions", "{}")))
-    except (yaml.YAMLError, TypeError, ValueError) as error:
-        raise InputError(f"versions of {bag.path}", got=str(error), expected="names and versions") from None
-
-
-def _parameters(bag: Bag, name: str, arm: str = "") -> dict[str, Any]:
-    for candidate in (f"{arm}.{name}", name):
-        if candidate in bag.attachments:
-            try:
-                tree = read_yaml(bag.attachments[candidate].decode("utf-8"))
-                values = {k: v for node in tree.values() for k, v in flat_names(node["ros__parameters"]).items()}
-                own = {k.removeprefix(f"{arm}."): v for k, v in values.items() if arm and k.startswith(f"{arm}.")}
-                return own or values
-            except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError) as error:
-                got = f"{type(error).__name__} {error}"
-                raise InputError(f"{candidate} of {bag.path}", got=got, expected="a ROS parameter file") from None
-    return {}
-
-
 @functools.lru_cache
 def effort_limits_of(urdf: str, names: tuple[str, ...]) -> tuple[float, ...]:
     """Return the efforts of a URDF's joint limits, 0 where there is none [N m]."""
@@ -353,10 +162,11 @@ def effort_limits_of(urdf: str, names: tuple[str, ...]) -> tuple[float, ...]:
     return tuple(float(limit.get("effort", 0.0)) if limit is not None else 0.0 for limit in found)
 
 
-def newest_on_grid(values: NDArray[Any], own_s: NDArray[Any], times: Array) -> Array:
+def newest_on_grid(channel: Channel, times: Array) -> Array:
     """Return the newest row at each time, by their own; NaN before the first, and from a step after the last on."""
+    own_s = channel.times
     places = np.searchsorted(own_s, times + 1e-9, side="right") - 1
-    found = np.array(values[np.maximum(places, 0)], dtype=np.float64)
+    found = np.array(channel.rows[np.maximum(places, 0)], dtype=np.float64)
     longest = max(float(np.diff(own_s).max(initial=0.0)), float(times[1] - times[0]) if len(times) > 1 else 0.0)
     found[(places < 0) | (times > own_s[-1] + longest + 1e-9)] = np.nan
     return found

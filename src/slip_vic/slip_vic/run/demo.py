@@ -20,11 +20,10 @@ from rich.table import Table
 from slip_core.errors import InputError
 from slip_vic.options import Choice
 from slip_vic.page.page import write_page, write_runs
-from slip_vic.run.judge import Verdict, judge_incidents, measured
+from slip_vic.run.judge import Verdict, judge_bag
 from slip_vic.run.launcher import Launcher
 from slip_vic.run.metrics import summary_rows
 from slip_vic.run.progress import run_progress
-from slip_vic.run.series import read_series
 from slip_vic.run.versions import versions
 from slip_vic.scenarios.scenario import GOVERNED, Law, Scenario, read_parameters
 
@@ -88,9 +87,8 @@ def _over_dds(
         bars = {law: add_bar(f"{made.name} {law}", made.duration_s) for law, made in loaded.items()}
         for law, scenario in loaded.items():
             result = Launcher(scenario, bag=folder / law, wanted_domain=domain).run(bars[law])
-            read = [read_series(folder / law, arm) for arm in scenario.controllers]
             runs[law] = {
-                **numbers_of(measured(scenario, read, *judge_incidents(result.incidents))),
+                **numbers_of(judge_bag(folder / law, scenario, result.incidents)[0]),
                 "ticks": result.ticks,
                 "real_time_factor": result.real_time_factor,
                 "messages": result.messages,

@@ -11,13 +11,12 @@ from typing import Any, Final, Literal
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from slip_bags.reader import Bag
 from slip_core.incidents import Incident
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.plant import DivergenceError
+from slip_vic.run.data import ArmData, Channel, RunData, read_data
 from slip_vic.run.in_process import Tick
 from slip_vic.run.metrics import summarise
-from slip_vic.run.series import RunSeries, mode_changes, read_series
 from slip_vic.run.track import Track
 from slip_vic.scenarios.scenario import Scenario
 
@@ -58,46 +57,47 @@ class Verdict:
         return max((float(numbers[name]) for numbers in self.arms.values()), default=math.nan)
 
 
-def measured(scenario: Scenario, series: Sequence[RunSeries], outcome: Outcome, reason: str) -> Verdict:
-    """Return the verdict on a run from its arrays, wherever they are from; series: of each arm."""
-    arms = {one.arm: {**summarise(one), **share_of_friction(one, scenario.bridges[one.arm])} for one in series}
+def measured(scenario: Scenario, run: RunData, outcome: Outcome, reason: str) -> Verdict:
+    """Return the verdict on a run from its data, wherever they are from."""
+    found = {name: run.arm(name) for name in scenario.controllers}
+    arms = {name: {**summarise(arm), **share_of_friction(arm, scenario.bridges[name])} for name, arm in found.items()}
     if outcome in _ENDS:
         for numbers in arms.values():
             numbers["arrival_s"] = math.nan
-    return Verdict(outcome, reason, arms, together(scenario, series))
+    return Verdict(outcome, reason, arms, together(scenario, list(found.values()), run.object_pose))
 
 
-def share_of_friction(series: RunSeries, params: BridgeParams) -> dict[str, float]:
+def share_of_friction(arm: ArmData, params: BridgeParams) -> dict[str, float]:
     """Return the largest share of the friction limit that the load of a pad took: load_peak."""
-    if not series.wrench.size:
+    if "wrench" not in arm.channels:
         return {"load_peak": math.nan}
-    h, radius = series.wrench, params.friction.torsional_radius
+    h, radius = arm.channel("wrench").rows, params.friction.torsional_radius
     load = np.sqrt(h[:, 0] ** 2 + h[:, 1] ** 2 + (h[:, 5] / radius) ** 2)
     limit = params.friction.mu_s * params.grip.force
     return {"load_peak": float(load.max() / limit) if limit > 0.0 else math.nan}
 
 
-def together(scenario: Scenario, series: Sequence[RunSeries]) -> dict[str, float]:
+def together(scenario: Scenario, arms: Sequence[ArmData], object_pose: Channel | None) -> dict[str, float]:
     """Return what all arms do to the object.
 
     object_error_m: largest distance of the object from where the path of the first pad has it, but for where it hangs
     at first. Of several arms also internal_peak_n and internal_steady_n: the largest force with which they work against
     each other in the slip plane, over the run and in its last half second.
     """
-    first = series[0]
+    first = arms[0]
     grasp = next(iter(scenario.controllers.values())).contacts
     lever = Rotation.from_quat(grasp.orientation_xyzw[:4]).inv().apply(grasp.position[:3])
     desired = first.law_six("desired")
     known = np.isfinite(desired).all(axis=1)
     found = {"object_error_m": math.nan}
-    if known.any() and first.object_position.size:
+    if known.any() and object_pose is not None:
         wanted = desired[known, :3] - Rotation.from_rotvec(desired[known, 3:]).apply(lever)
-        at = np.clip(np.searchsorted(first.time, first.law_time[known] - 1e-9), 0, len(first.time) - 1)
-        apart = first.object_position[at] - wanted
+        apart = object_pose.at(first.channel("law").times[known])[:, :3] - wanted
         found["object_error_m"] = float(np.linalg.norm(apart - apart[0], axis=1).max())
-    if all(one.internal.size for one in series) and scenario.several:
-        size = np.max([np.linalg.norm(one.internal[:, :2], axis=1) for one in series], axis=0)
-        steady = first.time >= scenario.duration_s - SETTLE_S
+    if scenario.several and all("internal" in arm.channels for arm in arms):
+        times = first.channel("slip").times
+        size = np.max([np.linalg.norm(arm.channel("internal").at(times)[:, :2], axis=1) for arm in arms], axis=0)
+        steady = times >= scenario.duration_s - SETTLE_S
         found["internal_peak_n"] = float(size.max())
         found["internal_steady_n"] = float(size[steady].max(initial=0.0))
     return found
@@ -135,7 +135,7 @@ def judge(ticks: Iterable[Tick], track: Track) -> Verdict:
         outcome, reason = "held", f"the law never began: {waits.reason}"
     if not track.ticks:
         return Verdict(outcome, reason)
-    return measured(track.scenario, track.series(), outcome, reason)
+    return measured(track.scenario, track.data(), outcome, reason)
 
 
 def judge_incidents(incidents: Iterable[Incident], outcome: Outcome = "ok", reason: str = "") -> tuple[Outcome, str]:
@@ -147,21 +147,16 @@ def judge_incidents(incidents: Iterable[Incident], outcome: Outcome = "ok", reas
     return outcome, reason
 
 
-def judge_bag(path: Path, scenario: Scenario, incidents: Iterable[Incident] = ()) -> Verdict:
-    """Return the verdict on the recorded run of a scenario; incidents: what its processes reported.
+def judge_bag(
+    path: Path, scenario: Scenario, incidents: Iterable[Incident] = ()
+) -> tuple[Verdict, dict[str, tuple[tuple[float, str], ...]]]:
+    """Return the verdict on the recorded run of a scenario, and the changes of mode of each arm.
+
+    incidents: what its processes reported.
 
     Raises:
         InputError: the bag lacks a topic that a run has.
     """
-    series = [read_series(path, arm) for arm in scenario.controllers]
-    return measured(scenario, series, *judge_incidents(incidents))
-
-
-def modes_of_bag(path: Path, scenario: Scenario) -> dict[str, tuple[tuple[float, str], ...]]:
-    """Return the changes of mode of each arm in a bag: from when on [s], mode and reason."""
-    found = {}
-    with Bag(path) as bag:
-        for name in scenario.controllers:
-            states = bag.series(bag.ending("joint_states", name) or "joint_states")
-            found[name] = mode_changes(bag, bag.ending("controller/mode", name), states, int(states.stamps[0]))
-    return found
+    run = read_data(path)
+    modes = {name: run.arm(name).modes for name in scenario.controllers}
+    return measured(scenario, run, *judge_incidents(incidents)), modes

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from slip_vic.run.series import RunSeries
+from slip_vic.run.data import ArmData
 from slip_vic.scenarios.reach import pad_path
 from slip_vic_controller.params.controller_params import ControllerParams
 
@@ -20,7 +20,7 @@ AT_REST = 1e-3
 """Speed of the reference below which its path is over [m/s, rad/s]."""
 
 
-def summarise(series: RunSeries) -> dict[str, Any]:
+def summarise(run: ArmData) -> dict[str, Any]:
     """Return slip, tracking and effort of one run.
 
     slip_*: norm of the displacement of the pad on the object, at the end and at its peak, and peak sliding
@@ -29,9 +29,10 @@ def summarise(series: RunSeries) -> dict[str, Any]:
     effort_rate_rms: of the norm of the change of all efforts from tick to tick. What the law reports is NaN where it
     was never at work.
     """
-    linear = np.linalg.norm(series.slip_displacement[:, :3], axis=1)
-    angular = np.linalg.norm(series.slip_displacement[:, 3:], axis=1)
-    error = series.law_six("e")
+    slip, slip_velocity = run.channel("slip").rows, run.channel("slip_velocity").rows
+    linear = np.linalg.norm(slip[:, :3], axis=1)
+    angular = np.linalg.norm(slip[:, 3:], axis=1)
+    error = run.law_six("e")
     evaluated = error[np.isfinite(error).all(axis=1)]
     if not len(evaluated):
         evaluated = np.full((1, 6), np.nan)
@@ -41,28 +42,28 @@ def summarise(series: RunSeries) -> dict[str, Any]:
         "slip_angular_rad": float(angular[-1]),
         "slip_linear_peak_m": float(linear.max()),
         "slip_angular_peak_rad": float(angular.max()),
-        "slip_speed_peak_m_s": float(np.linalg.norm(series.slip_velocity[:, :3], axis=1).max()),
+        "slip_speed_peak_m_s": float(np.linalg.norm(slip_velocity[:, :3], axis=1).max()),
         "tracking_rms": rms.tolist(),
         "tracking_rms_m": float(np.linalg.norm(rms[:3])),
         "tracking_rms_rad": float(np.linalg.norm(rms[3:])),
         "final_error": evaluated[-1].tolist(),
         "final_error_m": float(np.linalg.norm(evaluated[-1, :3])),
         "final_error_rad": float(np.linalg.norm(evaluated[-1, 3:])),
-        "arrival_s": arrival_s(series),
+        "arrival_s": arrival_s(run),
         "error_peak_m": float(np.linalg.norm(evaluated[:, :3], axis=1).max()),
         "attitude_excursion_rad": float(np.linalg.norm(evaluated[:, 3:], axis=1).max()),
-        "effort_peak_nm": float(np.nanmax(np.abs(series.effort), initial=0.0)),
-        "effort_rate_rms_n_m_s": effort_rate(series),
+        "effort_peak_nm": float(np.nanmax(np.abs(run.channel("effort").rows), initial=0.0)),
+        "effort_rate_rms_n_m_s": effort_rate(run),
     }
 
 
-def arrival_s(series: RunSeries) -> float:
+def arrival_s(run: ArmData) -> float:
     """Return from when on the pad stays within ARRIVED of the end of its path [s]; NaN where it does not get there."""
-    position, desired = series.law_six("position"), series.law_six("desired")
+    position, desired = run.law_six("position"), run.law_six("desired")
     known = np.isfinite(position).all(axis=1) & np.isfinite(desired).all(axis=1)
     if not known.any():
         return math.nan
-    position, desired, times = position[known], desired[known], series.law_time[known]
+    position, desired, times = position[known], desired[known], run.channel("law").times[known]
     goal = desired[-1]
     if len(times) > 1 and np.abs(desired[-1] - desired[-2]).max() > AT_REST * (times[-1] - times[-2]):
         return math.nan
@@ -74,13 +75,13 @@ def arrival_s(series: RunSeries) -> float:
     return float(times[first])
 
 
-def off_goal_m(series: RunSeries, params: ControllerParams) -> float:
+def off_goal_m(run: ArmData, params: ControllerParams) -> float:
     """Return how far the pad ends from the end of a built-in path as planned [m]; NaN where the law was never at work.
 
     Wherever the reference rests: a governed path may rest before its end. A path of the object leads the pad where it
     is configured to grasp it.
     """
-    position, desired = series.law_six("position"), series.law_six("desired")
+    position, desired = run.law_six("position"), run.law_six("desired")
     known = np.isfinite(position).all(axis=1) & np.isfinite(desired).all(axis=1)
     if not known.any():
         return math.nan
@@ -93,12 +94,13 @@ def off_goal_m(series: RunSeries, params: ControllerParams) -> float:
     return float(np.linalg.norm(position[known][-1, :3] - goal))
 
 
-def effort_rate(series: RunSeries) -> float:
+def effort_rate(run: ArmData) -> float:
     """Return the root mean square of the change of all efforts per time [N m/s]."""
-    effort = series.effort[np.isfinite(series.effort).all(axis=1)]
+    rows, times = run.channel("effort").rows, run.channel("slip").times
+    effort = rows[np.isfinite(rows).all(axis=1)]
     if len(effort) < 2:
         return 0.0
-    period = (series.time[-1] - series.time[0]) / (len(series.time) - 1)
+    period = (times[-1] - times[0]) / (len(times) - 1)
     return float(np.sqrt(np.mean((np.diff(effort, axis=0) ** 2).sum(axis=1))) / period)
 
 

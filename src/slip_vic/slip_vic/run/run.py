@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,16 +10,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from slip_core.arrays import Array
+from slip_vic.run.data import AXES, ArmData
 from slip_vic.run.judge import Outcome, Verdict
-from slip_vic.run.metrics import summary_rows
 from slip_vic.run.track import Track
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from slip_vic.scenarios.scenario import Scenario
-
-_AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
 @dataclass(frozen=True)
@@ -32,7 +29,7 @@ class Run:
         run.frame().plot(x="time_s", y="slip_linear_mm")
         run.page("out/run.html")
 
-    In a notebook it shows its numbers. Where several arms hold the object, a number is that of the worst of them.
+    Where several arms hold the object, a number is that of the worst of them.
     """
 
     scenario: Scenario
@@ -99,23 +96,21 @@ class Run:
         """
         import pandas as pd
 
-        k = self._arm(arm)
-        series, joints = self.track.series()[k], self.track.joints(k)
-        n = joints.shape[1] // 2
+        data = self._arm(arm)
+        rows = {name: channel.rows for name, channel in data.channels.items()}
         columns: dict[str, Array] = {
-            "time_s": series.time,
-            "slip_linear_mm": 1e3 * np.linalg.norm(series.slip_displacement[:, :3], axis=1),
-            "slip_angular_deg": np.degrees(np.linalg.norm(series.slip_displacement[:, 3:], axis=1)),
+            "time_s": data.channel("slip").times,
+            "slip_linear_mm": 1e3 * np.linalg.norm(rows["slip"][:, :3], axis=1),
+            "slip_angular_deg": np.degrees(np.linalg.norm(rows["slip"][:, 3:], axis=1)),
         }
-        for name, six in (
-            ("slip", series.slip_displacement), ("slip_velocity", series.slip_velocity), ("wrench", series.wrench),
-        ):  # fmt: skip
-            columns |= {f"{name}_{axis}": six[:, j] for j, axis in enumerate(_AXES)}
-        columns |= {f"object_{axis}": series.object_position[:, j] for j, axis in enumerate("xyz")}
-        columns |= {f"q_{j + 1}": joints[:, j] for j in range(n)}
-        columns |= {f"qd_{j + 1}": joints[:, n + j] for j in range(n)}
-        columns |= {f"effort_{j + 1}": series.effort[:, j] for j in range(series.effort.shape[1])}
-        columns |= {name: values for name, values in series.law.items() if name not in columns}
+        for name in ("slip", "slip_velocity", "wrench"):
+            columns |= {f"{name}_{axis}": rows[name][:, j] for j, axis in enumerate(AXES)}
+        pose = self.track.data().object_pose
+        assert pose is not None
+        columns |= {f"object_{axis}": pose.rows[:, j] for j, axis in enumerate("xyz")}
+        for name, short in (("joints", "q"), ("joint_velocity", "qd"), ("effort", "effort")):
+            columns |= {f"{short}_{j + 1}": rows[name][:, j] for j in range(rows[name].shape[1])}
+        columns |= {name: rows["law"][:, j] for j, name in enumerate(data.symbols) if name not in columns}
         return pd.DataFrame(columns)
 
     def page(self, path: str | Path) -> Path:
@@ -132,32 +127,13 @@ class Run:
         write_runs(Path(path), {self.scenario.law: self}, command="slip_vic.Run.page", title=self.scenario.name)
         return Path(path)
 
-    def _arm(self, name: str | None) -> int:
+    def _arm(self, name: str | None) -> ArmData:
         from slip_core.errors import UnknownName
 
-        if name is None:
-            return 0
-        if name not in self.track.arms:
-            raise UnknownName("arm", name, self.track.arms)
-        return self.track.arms.index(name)
-
-    def _label(self, arm: str) -> str:
-        return f"{self.scenario.law} {arm}".strip()
-
-    def _repr_html_(self) -> str:
-        runs = list(self.verdict.arms.values())
-        head = "".join(f"<th>{html.escape(self._label(name))}</th>" for name in self.verdict.arms)
-        rows = "".join(
-            f"<tr><th style='text-align:left'>{html.escape(row.label)}</th>"
-            + "".join(f"<td>{html.escape(text)}</td>" for text in row.texts)
-            + "</tr>"
-            for row in summary_rows(runs)
-        )
-        said = f"{self.outcome}: {self.reason}" if self.reason else self.outcome
-        return (
-            f"<table><caption>{html.escape(self.scenario.name)}: {html.escape(said)}</caption>"
-            f"<thead><tr><td></td>{head}</tr></thead><tbody>{rows}</tbody></table>"
-        )
+        arms = {arm.name: arm for arm in self.track.data().arms}
+        if name is not None and name not in arms:
+            raise UnknownName("arm", name, arms)
+        return next(iter(arms.values())) if name is None else arms[name]
 
     def __repr__(self) -> str:
         why = f" ({self.reason})" if self.reason else ""

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from slip_core.arrays import Array
+from slip_core.params import flatten
 from slip_core.records import place
 from slip_sim_bridge.internal import internal_wrenches
+from slip_vic.run.data import AXES, ArmData, Channel, RunData
 from slip_vic.run.in_process import Tick
-from slip_vic.run.series import AXES, RunSeries
 from slip_vic.scenarios.scenario import Scenario
 from slip_vic_controller.safety.modes import Mode
 from slip_vic_controller.state import INPUTS, OUTPUTS
 
-SIX = tuple(f"_{axis}" for axis in AXES)
 _PARTS = {
     "slip": 6, "slip_velocity": 6, "wrench": 6, "object_position": 3, "object_rotation": 9,
     "position": 3, "rotation": 9, "desired_position": 3, "desired_rotation": 9, "e": 6,
@@ -95,51 +94,60 @@ class Track:
         """Return the changes of mode of each arm: from when on [s], mode and reason."""
         return {name: tuple(self._modes[k]) for k, name in enumerate(self.arms)}
 
-    def series(self) -> tuple[RunSeries, ...]:
-        """Return the run of each arm as arrays."""
-        return tuple(self._series(k) for k in range(len(self.arms)))
-
-    def joints(self, arm: int) -> Array:
-        """Return position and velocity of the joints of an arm; (N, 2 n) [rad, rad/s]."""
-        return np.array(self._joints[arm])
-
-    def _series(self, k: int) -> RunSeries:
-        rows, places = np.array(self._rows[k]), {}
-        at = 0
-        for name, width in _PARTS.items():
-            places[name] = rows[:, at : at + width]
-            at += width
-        evaluated = np.array(self._evaluated[k])
-        times = np.array(self._times)
-        law = self._law(k, places, evaluated)
-        position, rotation = places["object_position"], places["object_rotation"].reshape(-1, 3, 3)
-        joints = max((len(effort) for effort in self._efforts[k]), default=0)
-        efforts = [effort if len(effort) == joints else np.full(joints, np.nan) for effort in self._efforts[k]]
-        return RunSeries(
-            time=times - times[0],
-            slip_displacement=places["slip"],
-            slip_velocity=places["slip_velocity"],
-            effort=np.array(efforts).reshape(len(times), joints),
-            law_time=times - times[0],
-            law=law,
-            arm=self.arms[k],
-            wrench=places["wrench"],
-            object_position=position,
-            object_rotation=rotation,
-            internal=np.array(self._internal[k]),
+    def data(self) -> RunData:
+        """Return the run."""
+        scenario, times = self.scenario, np.array(self._times) - self._times[0]
+        parts = [self._parts(k) for k in range(len(self.arms))]
+        pose = np.hstack(
+            (parts[0]["object_position"], Rotation.from_matrix(parts[0]["object_rotation"].reshape(-1, 3, 3)).as_quat())
+        )
+        return RunData(
+            tuple(self._arm(k, name, times, parts[k]) for k, name in enumerate(self.arms)),
+            Channel(times, pose),
+            flatten(scenario.first),
+            {"scenario": scenario.name, "seed": str(scenario.seed)},
+            {},
         )
 
-    def _law(self, k: int, places: dict[str, Array], evaluated: NDArray[np.bool_]) -> dict[str, Array]:
+    def _arm(self, k: int, name: str, times: Array, parts: dict[str, Array]) -> ArmData:
+        controller = self.scenario.controllers[name]
+        symbols, law = self._law(k, parts)
+        joints = max((len(effort) for effort in self._efforts[k]), default=0)
+        efforts = [effort if len(effort) == joints else np.full(joints, np.nan) for effort in self._efforts[k]]
+        rows = {
+            "slip": parts["slip"],
+            "slip_velocity": parts["slip_velocity"],
+            "wrench": parts["wrench"],
+            "effort": np.array(efforts).reshape(len(times), joints),
+            "law": law,
+        }
+        if self._internal[k]:
+            rows["internal"] = np.array(self._internal[k])
+        if self._joints[k]:
+            measured, n = np.array(self._joints[k]), len(controller.joint_names)
+            rows |= {"joints": measured[:, :n], "joint_velocity": measured[:, measured.shape[1] // 2 :][:, :n]}
+        return ArmData(
+            name,
+            self.scenario.placed[name],
+            tuple(controller.joint_names),
+            flatten(controller),
+            {channel: Channel(times, values) for channel, values in rows.items()},
+            symbols,
+            tuple(self._modes[k]),
+        )
+
+    def _parts(self, k: int) -> dict[str, Array]:
+        ends = np.cumsum(list(_PARTS.values()))[:-1]
+        return dict(zip(_PARTS, np.split(np.array(self._rows[k]), ends, axis=1), strict=True))
+
+    def _law(self, k: int, parts: dict[str, Array]) -> tuple[tuple[str, ...], Array]:
+        """Return the names of the symbols, and their values; (N, m)."""
         if self._whole:
-            return dict(zip(self._symbol_names[k], np.array(self._symbols[k]).T.copy(), strict=True))
-        law: dict[str, Array] = {}
-        for name, pose in (("position", "position"), ("desired", "desired_position")):
-            turned = places["rotation" if name == "position" else "desired_rotation"].reshape(-1, 3, 3).copy()
+            return tuple(self._symbol_names[k]), np.array(self._symbols[k])
+        evaluated, columns = np.array(self._evaluated[k]), []
+        for position, rotation in (("position", "rotation"), ("desired_position", "desired_rotation")):
+            turned = parts[rotation].reshape(-1, 3, 3).copy()
             turned[~evaluated] = np.eye(3)  # the record of a cycle without the law holds no attitude
-            six = np.hstack([places[pose], Rotation.from_matrix(turned).as_rotvec()])
-            law |= _columns(name, np.where(evaluated[:, None], six, np.nan))
-        return law | _columns("e", np.where(evaluated[:, None], places["e"], np.nan))
-
-
-def _columns(name: str, six: Array) -> dict[str, Array]:
-    return {f"{name}{end}": six[:, j] for j, end in enumerate(SIX)}
+            columns.append(np.hstack([parts[position], Rotation.from_matrix(turned).as_rotvec()]))
+        names = tuple(f"{name}_{axis}" for name in ("position", "desired", "e") for axis in AXES)
+        return names, np.where(evaluated[:, None], np.hstack([*columns, parts["e"]]), np.nan)

@@ -1,0 +1,222 @@
+"""A run as data: channels with their own times, by name; a bag and a run in this process give the same form.
+
+joints (n) [rad, m], joint_velocity (n); effort (n) [N m]; slip (6) [m, rad] {p}, slip_velocity (6) pad axes; wrench (6)
+of the object on the pad {ee}; internal (6) pad axes: the wrench with which several arms work against each other; law:
+the symbols of the controller. A run has the channels that were measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import yaml
+
+from slip_bags.reader import Bag
+from slip_bags.series import Series
+from slip_core.arrays import Array
+from slip_core.errors import InputError
+from slip_core.files.plain_yaml import read_yaml
+from slip_core.params import flat_names
+from slip_core.types import COMMAND_TOPICS
+
+AXES: Final = ("x", "y", "z", "rx", "ry", "rz")
+OF_TOPICS: Final[Mapping[str, tuple[str, ...]]] = {
+    "joints": ("joint_states", "position"),
+    "joint_velocity": ("joint_states", "velocity"),
+    "slip": ("slip_truth", "position"),
+    "slip_velocity": ("slip_truth", "velocity"),
+    "wrench": ("wrench", "wrench.force", "wrench.torque"),
+    "internal": ("internal_wrench", "wrench.force", "wrench.torque"),
+    "law": ("controller/scalars", "position"),
+}
+"""Channel: topic, and its field or the fields of which it has the components."""
+MEASURED_SLIP: Final = ("slip_velocity", "twist.linear", "twist.angular")
+"""Of a bag without the truth."""
+FACTS: Final = ("scenario", "seed", "git_revision")
+_HALF_NS: Final = 5e-10
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """Rows (N, k) with their times (N,) [s]; 0 is the first joint state of the run."""
+
+    times: Array
+    rows: Array
+
+    def at(self, times: Array) -> Array:
+        """Return the newest row at each time; before the first one that."""
+        places = np.searchsorted(self.times, times + _HALF_NS, side="right") - 1
+        return self.rows[np.maximum(places, 0)]
+
+
+@dataclass(frozen=True, slots=True)
+class ArmData:
+    """One arm of a run.
+
+    name: namespace, "" where there is none. parameters: of its controller, by dotted name. symbols: names of the
+    columns of `law`. modes: (since when [s], mode and reason).
+    """
+
+    name: str
+    urdf: str
+    joint_names: tuple[str, ...]
+    parameters: Mapping[str, Any]
+    channels: Mapping[str, Channel]
+    symbols: tuple[str, ...] = ()
+    modes: tuple[tuple[float, str], ...] = ()
+
+    def channel(self, name: str) -> Channel:
+        """Return a channel.
+
+        Raises:
+            InputError: the run has none of this name.
+        """
+        if name not in self.channels:
+            raise InputError("recorded run", got=f"no {name}", expected="a run of this suite")
+        return self.channels[name]
+
+    def law_six(self, name: str) -> Array:
+        """Return six symbols of the law as columns; (M, 6).
+
+        Raises:
+            InputError: the run has no symbols.
+        """
+        return self.channel("law").rows[:, [self.symbols.index(f"{name}_{axis}") for axis in AXES]]
+
+
+@dataclass(frozen=True, slots=True)
+class RunData:
+    """A run: its arms, and the pose of the object (7): position [m], quaternion xyzw {w}, None where unknown.
+
+    bridge: parameters of the simulation by dotted name. facts, versions: what was run.
+    """
+
+    arms: tuple[ArmData, ...]
+    object_pose: Channel | None
+    bridge: Mapping[str, Any]
+    facts: Mapping[str, str]
+    versions: Mapping[str, str]
+
+    def arm(self, name: str) -> ArmData:
+        """Return an arm of a scenario by its name, in whatever namespace; "" is the name of an only arm.
+
+        Raises:
+            InputError: the run has no such arm.
+        """
+        for arm in self.arms:
+            if not name or arm.name.rpartition("/")[2] == name:
+                return replace(arm, name=name)
+        raise InputError("recorded run", got=f"no arm {name}", expected="a run of this suite")
+
+    @property
+    def duration_s(self) -> float:
+        """Time of the last joint state [s]."""
+        return max(float(arm.channel("joints").times[-1]) for arm in self.arms)
+
+
+def read_data(path: Path) -> RunData:
+    """Read a recorded run.
+
+    Raises:
+        InputError: no bag, a damaged one, or one without joint states or the arm's description.
+    """
+    with Bag(path) as bag:
+        arms = _topics(bag)
+        start_ns = min(int(bag.series(topics["joint_states"]).stamps[0]) for topics in arms.values())
+        ends = ("/object_state", "/object/state")
+        topic = next((name for name, info in bag.topics.items() if name.endswith(ends) and info.message_count), None)
+        fields = "pose.pose.position", "pose.pose.orientation"
+        return RunData(
+            tuple(_read_arm(bag, name, topics, start_ns) for name, topics in arms.items()),
+            None if topic is None else _channel(bag.series(topic), start_ns, *fields),
+            _parameters(bag, "bridge.params.yaml", next(iter(arms))),
+            {name: bag.custom_data[name] for name in FACTS if name in bag.custom_data},
+            _versions(bag),
+        )
+
+
+def _topics(bag: Bag) -> dict[str, dict[str, str]]:
+    """Return the arms of a bag, every namespace with joint states: full names of its topics by relative name."""
+    full = [name for name, info in bag.topics.items() if info.message_count]
+    prefixes = sorted(name.removesuffix("joint_states") for name in full if name.endswith("/joint_states"))
+    if not prefixes:
+        raise InputError(f"bag {bag.path}", got="no message on joint_states", expected="a recorded run of this suite")
+    return {
+        prefix.strip("/"): {name.removeprefix(prefix): name for name in full if name.startswith(prefix)}
+        for prefix in prefixes
+    }
+
+
+def _read_arm(bag: Bag, name: str, topics: Mapping[str, str], start_ns: int) -> ArmData:
+    wanted = {topic for topic, *_ in (*OF_TOPICS.values(), MEASURED_SLIP)} | set(COMMAND_TOPICS)
+    series = {topic: bag.series(topics[topic]) for topic in wanted & topics.keys()}
+    sources = {"slip_velocity": MEASURED_SLIP} | {k: v for k, v in OF_TOPICS.items() if v[0] in series}
+    channels = {
+        channel: _channel(series[topic], start_ns, *fields)
+        for channel, (topic, *fields) in sources.items()
+        if topic in series
+    }
+    for commands in [series[topic] for topic in COMMAND_TOPICS if topic in series][:1]:
+        given = np.array([len(row) > 0 for row in commands["effort"]])
+        if given.any():
+            rows = np.array(commands["effort"][given].tolist(), dtype=np.float64)
+            channels["effort"] = Channel(np.array((commands.stamps[given] - start_ns) * 1e-9, dtype=np.float64), rows)
+    states, scalars = series["joint_states"], series.get("controller/scalars")
+    return ArmData(
+        name,
+        _urdf(bag, name, topics),
+        tuple(map(str, states["name"][0])),
+        _parameters(bag, "controller.params.yaml", name),
+        channels,
+        () if scalars is None else tuple(map(str, scalars["name"][0])),
+        _modes(bag, topics.get("controller/mode"), states, start_ns),
+    )
+
+
+def _channel(series: Series, start_ns: int, *fields: str) -> Channel:
+    rows = series[fields[0]] if fields[0] in series else series.columns(*fields)
+    return Channel(np.array((series.stamps - start_ns) * 1e-9, dtype=np.float64), rows)
+
+
+def _modes(bag: Bag, topic: str | None, states: Series, start_ns: int) -> tuple[tuple[float, str], ...]:
+    """Return the texts of a mode's topic, each since when [s]: the stamp of the joint state received last before it."""
+    found = []
+    for message in bag.messages(topic) if topic else ():
+        place = max(0, int(np.searchsorted(states.log_time_ns, message.log_time_ns, side="right")) - 1)
+        found.append((1e-9 * float(states.stamps[place] - start_ns), str(message.value.data)))
+    return tuple(found)
+
+
+def _urdf(bag: Bag, arm: str, topics: Mapping[str, str]) -> str:
+    topic = topics.get("robot_description")
+    if topic is not None:
+        return str(next(iter(bag.messages(topic))).value.data)
+    for name in (f"{arm}.urdf", "arm.urdf"):
+        if name in bag.attachments:
+            return bag.attachments[name].decode("utf-8")
+    raise InputError(f"bag {bag.path}", got="no robot_description", expected="the arm's URDF, as topic or attachment")
+
+
+def _versions(bag: Bag) -> dict[str, Any]:
+    try:
+        return dict(read_yaml(bag.custom_data.get("versions", "{}")))
+    except (yaml.YAMLError, TypeError, ValueError) as error:
+        raise InputError(f"versions of {bag.path}", got=str(error), expected="names and versions") from None
+
+
+def _parameters(bag: Bag, name: str, arm: str) -> dict[str, Any]:
+    for candidate in (f"{arm}.{name}", name):
+        if candidate in bag.attachments:
+            try:
+                tree = read_yaml(bag.attachments[candidate].decode("utf-8"))
+                values = {k: v for node in tree.values() for k, v in flat_names(node["ros__parameters"]).items()}
+                own = {k.removeprefix(f"{arm}."): v for k, v in values.items() if arm and k.startswith(f"{arm}.")}
+                return own or values
+            except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError) as error:
+                got = f"{type(error).__name__} {error}"
+                raise InputError(f"{candidate} of {bag.path}", got=got, expected="a ROS parameter file") from None
+    return {}
