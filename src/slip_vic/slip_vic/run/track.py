@@ -112,7 +112,7 @@ class Track:
     def _arm(self, k: int, name: str, times: Array, parts: dict[str, Array]) -> ArmData:
         controller = self.scenario.controllers[name]
         symbols, law = self._law(k, parts)
-        joints = max((len(effort) for effort in self._efforts[k]), default=0)
+        joints = len(controller.joint_names)
         efforts = [effort if len(effort) == joints else np.full(joints, np.nan) for effort in self._efforts[k]]
         rows = {
             "slip": parts["slip"],
