@@ -61,7 +61,7 @@ def grasped(scenario: Scenario, tick: Tick) -> tuple[list[np.ndarray], list[np.n
 
 
 @pytest.mark.parametrize(("law", "bias"), [("classical", 0.2), ("governed", 0.0)])
-def test_internal_force_at_rest_is_no_bias(law: str, bias: float) -> None:
+def test_internal_force_is_no_bias(law: str, bias: float) -> None:
     """Half of a bias is taken off each wrench, so that their sum is right."""
     biased = f"left.bridge.sensors.wrench.bias=[0.0, 0.0, {bias}, 0.0, 0.0, 0.0]"
     loop = ClosedLoop(load_scenario(FLAT, law=law, drive="velocity_500", assignments=(biased,)))
@@ -74,7 +74,7 @@ def test_internal_force_at_rest_is_no_bias(law: str, bias: float) -> None:
     np.testing.assert_allclose(found[0], found[1], atol=0.01)
 
 
-def test_arms_find_a_heavier_mass_together() -> None:
+def test_arms_weigh_together() -> None:
     """Together: a share of what their wrenches add up to, and no torque of it, since torques are not compared."""
     mass = 1.3 * load_scenario(FLAT).controllers["left"].object.mass
     heavier = (f"bridge.object.mass={mass}", "controller.tare.duration_s=0.3")
@@ -86,7 +86,7 @@ def test_arms_find_a_heavier_mass_together() -> None:
         assert arm.state.tare.mass_share == pytest.approx(0.3, abs=0.02)
 
 
-def test_perfect_sensors_show_the_internal_wrench() -> None:
+def test_perfect_sensors_show_internal_wrench() -> None:
     for name in (UPRIGHT, FLAT):
         scenario = load_scenario(name, assignments=(*SOON, "controller.trajectory.duration_s=0.8"))
         worst, largest = 0.0, 0.0
@@ -126,7 +126,7 @@ def test_both_pads_follow_the_object_path() -> None:
     np.testing.assert_allclose((v[2:] - v[:-2]) / 2e-3, a[1:-1], atol=1e-4)
 
 
-def test_an_object_reference_equals_its_path() -> None:
+def test_object_reference_equals_path() -> None:
     loop = ClosedLoop(load_scenario(UPRIGHT, assignments=SOON))
     planned = [result.record.reference for result in list(ticks(loop, 300))[-1].results]
     grasp = loop.session.arms[0].controller.params.contacts
@@ -145,7 +145,7 @@ def test_an_object_reference_equals_its_path() -> None:
             np.testing.assert_allclose(getattr(given, name), getattr(wanted, name), atol=1e-8, err_msg=name)
 
 
-def test_the_weaker_pad_governs_both() -> None:
+def test_weaker_pad_governs_both() -> None:
     loop = ClosedLoop(
         load_scenario(UPRIGHT, law="governed", assignments=(*SOON, "controller.trajectory.duration_s=1.2"))
     )
@@ -163,7 +163,7 @@ def test_the_weaker_pad_governs_both() -> None:
     assert max(slipped(loop)) == 0.0
 
 
-def test_the_weakest_grip_governs_both() -> None:
+def test_weakest_grip_governs_both() -> None:
     loop = ClosedLoop(load_scenario(UPRIGHT, law="governed", assignments=SOON))
     list(ticks(loop, 5))
     session = loop.session
@@ -175,7 +175,7 @@ def test_the_weakest_grip_governs_both() -> None:
         assert session.task.governor.grip == min(grips)
 
 
-def test_slip_of_one_pad_is_known_to_both() -> None:
+def test_slip_is_shared() -> None:
     loop = ClosedLoop(load_scenario(FLAT, law="governed", assignments=SOON))
     left, right = (result.record.governor for result in list(ticks(loop, 150))[-1].results)
     assert left.load_commanded > 0.05
@@ -189,7 +189,7 @@ def test_slip_of_one_pad_is_known_to_both() -> None:
     assert max(slipped(loop)) == 0.0
 
 
-def test_a_fault_of_one_holds_the_other() -> None:
+def test_fault_of_one_holds_other() -> None:
     loop = ClosedLoop(load_scenario(UPRIGHT, assignments=(*SOON, "controller.safety.resume_after_s=0.05")))
     list(ticks(loop, 60))
     loop.session.arms[0].request(Request.FAILED)
@@ -203,7 +203,7 @@ def test_a_fault_of_one_holds_the_other() -> None:
 
 
 @pytest.mark.parametrize("law", ["vic", "classical"])
-def test_a_user_holds_both(law: str) -> None:
+def test_user_holds_both(law: str) -> None:
     """Each arm then carries its share, also the one that knows its own wrench alone: none of them moves."""
     loop = ClosedLoop(load_scenario(UPRIGHT, law=law, assignments=SOON))
     list(ticks(loop, 300))
@@ -241,7 +241,7 @@ def test_laws_set_contacts_and_gains() -> None:
         Controller(scenario.controllers, scenario.placed, lockstep=True)
 
 
-def test_a_follower_keeps_to_the_leader() -> None:
+def test_follower_keeps_to_leader() -> None:
     loop = ClosedLoop(load_scenario(UPRIGHT, law="leader_follower", assignments=SOON))
     run = list(ticks(loop, 400))
     before, now = run[-2].results, run[-1].results[1].record.reference

@@ -29,7 +29,7 @@ def test_thresholds_are_quantiles_of_chi_squared(axes: tuple[bool, ...]) -> None
     np.testing.assert_allclose(config.nis_stick, chi2.ppf(0.8, sum(axes)), rtol=1e-9)
 
 
-def test_axes_are_those_of_the_own_contact() -> None:
+def test_axes_are_the_own_contacts() -> None:
     own, other = (True, False, False, False, False, True), (False, True, True, False, False, False)
     two = {
         "contacts__position": (0.0, 0.1, 0.0, 0.0, -0.1, 0.0),

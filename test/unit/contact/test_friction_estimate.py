@@ -136,7 +136,7 @@ def test_denied_slip_returns_once_it_grows() -> None:
 
 
 @pytest.mark.parametrize("speed", [0.0, 3.0])
-def test_slip_seen_by_the_sensor_is_no_news(speed: float) -> None:
+def test_slip_already_seen_is_ignored(speed: float) -> None:
     e = estimate()
     e.state.slipping = 1
     cycle(e, 0, 0.8, found=True, speed=speed * THRESHOLD)

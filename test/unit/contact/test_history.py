@@ -91,7 +91,7 @@ def test_stick_keeps_only_the_window() -> None:
     assert np.all(ordered_rows(observer)["kind"] == TICK_ROW)
 
 
-def test_a_long_slip_keeps_only_the_memory() -> None:
+def test_long_slip_keeps_the_memory() -> None:
     observer, stamp_ns = sliding_observer(observer__memory_s=0.1)
     for k in range(1, 1000):
         now_ns = stamp_ns + k * MS
@@ -141,7 +141,7 @@ def test_a_new_row_is_empty() -> None:
         observer.history[:] = 7.0
 
 
-def test_numbers_that_are_not_finite_are_refused() -> None:
+def test_infinite_numbers_are_refused() -> None:
     for slipping in (False, True):
         bench = Bench(**SENSOR, observer__drag_spread=0.0)
         for k in range(120):

@@ -217,7 +217,7 @@ SAMPLES = 1_000_000
 PER_TICK = 50
 
 
-def test_no_false_alarm_in_a_million_samples() -> None:
+def test_million_samples_raise_no_alarm() -> None:
     """At 1e-8 per tick a false alarm in this test has a probability of 1e-2; the seed decides it once for all."""
     rng = np.random.default_rng(3)
     noise = {"slip_sensor__noise_linear": 3e-3, "slip_sensor__noise_angular": 0.06}
