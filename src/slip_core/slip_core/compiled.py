@@ -14,12 +14,13 @@ import os
 import re
 import stat
 import sys
-from collections.abc import Callable, Container
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
 from numba.core import config
+from numba.core.caching import UserProvidedCacheLocator
 
 from slip_core.errors import InputError
 from slip_core.part_compiler import STRICT, Part
@@ -39,9 +40,9 @@ IN2_F = numba.types.Array(REAL, 2, "F", readonly=True)
 def kernel(signature: object) -> Callable[[F], F]:
     """Return a decorator that compiles a function for one signature when its module is imported.
 
-    The machine code is kept beside the sources, or in the user's cache folder where those are read-only, under a name
-    that changes with every source it can depend on: a stale one is never used. One that another user can write to is
-    not used either, because what lies there is run.
+    The machine code is kept in the user's cache folder under a name that changes with every source it can depend on:
+    a stale one is never used, and installations of the same sources share one. A folder that another user can write to
+    is not used either, because what lies there is run.
 
     Args:
         signature: for instance VOID(IN1, IN2, INT, OUT1), or text in numba's notation.
@@ -62,7 +63,21 @@ def _kept(function: Callable[..., Any], *signature: object) -> Callable[..., Any
     """Return a function compiled for a signature now, or for that of each first call; the machine code is kept."""
     if not config.DISABLE_JIT:
         config.CACHE_DIR = str(_folder(_package(Path(function.__code__.co_filename))))
-    return numba.njit(*signature, cache=True, **STRICT)(function)
+    config.CACHE_LOCATOR_CLASSES = f"{__name__}.{SharedCache.__name__}"
+    try:
+        return numba.njit(*signature, cache=True, **STRICT)(function)
+    finally:
+        config.CACHE_LOCATOR_CLASSES = ""
+
+
+class SharedCache(UserProvidedCacheLocator):  # type: ignore[misc]
+    """Machine code by the path of its module in the package: wherever the package is installed."""
+
+    @classmethod
+    def get_suitable_cache_subpath(cls, py_file: str) -> str:
+        """Return the folder of a module's machine code below that of its package."""
+        path = Path(py_file)
+        return str(path.parent.relative_to(_package(path)))
 
 
 @functools.lru_cache
@@ -71,26 +86,25 @@ def _folder(package: Path) -> Path:
     digest = hashlib.sha256(numba.__version__.encode())
     for text in _sources(package):
         digest.update(text)
-    base = package / "__pycache__" if os.access(package, os.W_OK) else _user_cache()
-    folder = base / f"compiled-{digest.hexdigest()[:16]}"
+    folder = _user_cache() / f"{package.name}-{digest.hexdigest()[:16]}"
     try:
         folder.mkdir(mode=0o700, parents=True)
         print(f"compiling {package.name} for this machine, once: about a minute", file=sys.stderr, flush=True)
     except FileExistsError:
-        check_private(folder, {os.geteuid(), package.stat().st_uid})
+        check_private(folder, os.geteuid())
     return folder
 
 
-def check_private(folder: Path, trusted: Container[int]) -> None:
-    """See that a folder belongs to one of these users, and that no other user can enter it.
+def check_private(folder: Path, user: int) -> None:
+    """See that a folder belongs to a user, and that no other can write to it.
 
     Raises:
         InputError: it is not so.
     """
     found = folder.lstat()
-    if not stat.S_ISDIR(found.st_mode) or found.st_uid not in trusted or stat.S_IMODE(found.st_mode) & 0o077:
+    if not stat.S_ISDIR(found.st_mode) or found.st_uid != user or stat.S_IMODE(found.st_mode) & 0o022:
         got = f"owner {found.st_uid}, {stat.filemode(found.st_mode)}"
-        expected = "a folder of this user's alone, since what lies in it is run"
+        expected = "a folder to which this user alone can write, since what lies in it is run"
         raise InputError(f"machine code in {folder}", got=got, expected=expected, fix="remove it")
 
 
