@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from importlib import resources
 from typing import Any, Final, Literal, Self
 
-import yaml
-
 from slip_core.errors import UnknownName
+from slip_core.files.plain_yaml import read_yaml
 from slip_vic.run.versions import digest
 from slip_vic.scenarios.scenario import NO_TEXTS, Estimator, Law, Scenario, Texts, cut_or_extend, load_scenario
 
@@ -187,5 +186,5 @@ def renamed(settings: Sequence[str], table: Mapping[str, str | None]) -> tuple[s
 def frozen_worlds(rows: Iterable[Mapping[str, Any]]) -> list[World]:
     """Return worlds that were stored as data, in today's names of parameters (renamed.yaml)."""
     text = resources.files("slip_vic.experiments").joinpath("renamed.yaml").read_text(encoding="utf-8")
-    table = yaml.safe_load(text) or {}
+    table = read_yaml(text) or {}
     return [World.read({**row, "settings": renamed(row["settings"], table)}) for row in rows]
