@@ -22,10 +22,7 @@ from slip_vic.experiments.law import Pad, Seen, Setup
 from slip_vic.run.in_process import Tick
 from slip_vic.scenarios.scenario import load_scenario
 
-try:
-    gymnasium: Any = importlib.import_module("gymnasium")
-except ImportError:
-    raise InputError("slip_vic.gym", got="no gymnasium", expected="gymnasium", fix="pip install gymnasium") from None
+gymnasium: Any = importlib.import_module("gymnasium")  # it is optional, so that mypy need not find it
 
 TICKS: Final = 10
 """Control periods in which an action holds: 100 Hz (ours)."""
