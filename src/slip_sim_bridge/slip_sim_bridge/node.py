@@ -72,7 +72,7 @@ class SlipSimBridge(GuardedNode, Node):
         self._latencies = Window(LATENCIES_KEPT)
         self._refusals = Refusals(self.get_logger().error)
         self._lost: Incident | None = None
-        self._peers_ready: set[str] = set()
+        self._controller_ready = False
         self._executor = executor or EventsExecutor()
         self._spinner = Spinner(self._executor)
         for note in self.session.simulation.notes:
@@ -107,12 +107,8 @@ class SlipSimBridge(GuardedNode, Node):
             self._send_total = create_sender(self, "object/wrench", forms.wrench(to_msgs.WORLD))
         self._commands: list[JointCommand | None] = [None] * len(self._arms)
         self._answers, self._grips = [0] * len(self._arms), [0] * len(self._arms)
-        for name in common.wait_for:
-            self._watch_ready(name)
+        create_subscription(self, "controller/ready", self._on_ready, depth=1, reliable=True)
         self.create_service(Trigger, "~/reset", self._on_reset)
-
-    def _watch_ready(self, name: str) -> None:
-        create_subscription(self, f"{name}/ready", lambda _message: self._peers_ready.add(name), depth=1, reliable=True)
 
     def on_failure(self, what: str, error: Exception) -> None:
         """Say once of each kind what failed, and continue; where commands stay away for that, the arm is held."""
@@ -120,6 +116,9 @@ class SlipSimBridge(GuardedNode, Node):
         self._failure = self._failure or error
 
     # -- callbacks ---------------------------------------------------------------------------------
+
+    def _on_ready(self, _message: Any) -> None:
+        self._controller_ready = True
 
     def _on_command(self, arm: int, command: JointCommand) -> None:
         self._commands[arm] = command
@@ -196,24 +195,25 @@ class SlipSimBridge(GuardedNode, Node):
         }
 
     def _wait_for_peers(self, should_stop: Callable[[], bool]) -> bool:
-        subscribers = max(1, len(self._common.wait_for))
+        subscribers, recorders = self._common.expected_subscribers, self._common.expected_subscribers - 1
+        common = [sender for sender in (self._send_object, self._send_clock, self._send_total) if sender is not None]
         peers = EndpointMatching(
             self,
-            publishers=[(publisher, subscribers) for arm in self._arms for publisher in arm.state_publishers],
+            publishers=[
+                *((publisher, max(1, subscribers)) for arm in self._arms for publisher in arm.state_publishers),
+                *((sender.publisher, recorders) for sender in common),
+            ],
             subscriptions=[arm.sub_command for arm in self._arms],
         )
-        wanted = set(self._common.wait_for)
-        self.get_logger().info(f"started in {self._common.mode}" + f", waits for {', '.join(wanted)}" * bool(wanted))
-        if not self._lockstep and not wanted:
+        self.get_logger().info(f"started in {self._common.mode}" + ", waits for the controller" * bool(subscribers))
+        if not self._lockstep and not subscribers:
             return True
         return wait_until(
-            lambda: wanted <= self._peers_ready and not peers.missing(),
+            lambda: (self._controller_ready or not subscribers) and not peers.missing(),
             spin_once=self._executor.spin_once,
             should_stop=should_stop,
             timeout_s=self._common.peer_timeout_s,
-            explain=lambda: "; ".join(
-                [*(f"{name} is not ready" for name in sorted(wanted - self._peers_ready)), *peers.missing()]
-            ),
+            explain=lambda: "; ".join([*["controller is not ready"] * (not self._controller_ready), *peers.missing()]),
             waiting=Waiting(self.get_logger().info),
         )
 
@@ -317,7 +317,7 @@ class SlipSimBridge(GuardedNode, Node):
             self._pacer = Pacer(self._common.control_period_s, time.monotonic())
             self._pacer.published(time.monotonic())
             self._publish(self._outputs)
-            if not self._common.wait_for:
+            if not self._common.expected_subscribers:
                 return True
             attempt = time.monotonic() + FIRST_TICK_S
             while not self._pacer.is_answered and (left := attempt - time.monotonic()) > 0.0:

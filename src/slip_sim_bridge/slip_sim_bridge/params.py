@@ -16,7 +16,7 @@ from slip_sim_bridge.sensors.params import SensorsParams
 _CLOCK_TICKS_PER_S = 1_000_000_000
 
 WORLD = (
-    "plant", "substeps", "gravity", "control_period_s", "object", "duration_s", "mode", "wait_for",
+    "plant", "substeps", "gravity", "control_period_s", "object", "duration_s", "mode", "expected_subscribers",
     "stop_after_duration",
 )  # fmt: skip
 """Parameters that are equal for all arms: there is one world and one object."""
@@ -142,9 +142,11 @@ class BridgeParams(ArmParams):
     push: PushParams = PushParams()
     friction: FrictionParams = FrictionParams()
     sensors: SensorsParams = SensorsParams()
-    wait_for: tuple[str, ...] = parameter(
-        ("controller",),
-        "peers whose `<peer>/ready` must be seen before time starts; empty starts at once (realtime only)",
+    expected_subscribers: int = parameter(
+        1,
+        "subscribers on `joint_states` before time starts (controller, and recorder where there is one); 0 starts at "
+        "once (realtime only)",
+        ge=0,
     )
     peer_timeout_s: float = parameter(30.0, "how long to wait for the peers", unit="s", gt=0.0)
     lockstep_timeout_s: float = parameter(5.0, "longest wait for the command of a lockstep tick", unit="s", gt=0.0)

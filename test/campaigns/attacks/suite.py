@@ -32,10 +32,10 @@ from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.safety.effort_limiter import LONGEST_STEP_S, RESTART_AFTER_S
 from test.campaigns.attacks.attacks import ATTACKS, TWO_SOURCES
 from test.campaigns.attacks.flood import FOREIGN
+from test.campaigns.attacks.operator import Operator
 from test.campaigns.faults.monitors import NS, ROUNDING
 from test.campaigns.faults.plan import BRIDGE, CONTROLLER, EFFORT, PERIOD_S, Plan, endless_scenario
 from test.campaigns.faults.wire import Wire
-from test.campaigns.operator import Operator
 
 START_S = 60.0
 SETTLED_S = 0.5

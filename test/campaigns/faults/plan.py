@@ -222,8 +222,8 @@ def endless_scenario(plan: Plan) -> Scenario:
     usual, grip_n = load_scenario(plan.scenario), GRIP_N[plan.scenario]
     friction_n = usual.controller.governor.friction_limit * grip_n / usual.bridge.grip.force
     assignments = (
-        f"bridge.grip.force={grip_n}", f"controller.governor.friction_limit={friction_n}", "bridge.wait_for=[]",
-        "controller.trajectory.kind=lemniscate", "controller.trajectory.duration_s=1e6",
-        "controller.trajectory.radius=0.06",
+        f"bridge.grip.force={grip_n}", f"controller.governor.friction_limit={friction_n}",
+        "bridge.expected_subscribers=0", "controller.trajectory.kind=lemniscate",
+        "controller.trajectory.duration_s=1e6", "controller.trajectory.radius=0.06",
     )  # fmt: skip
     return realtime_scenario(plan.scenario, plan.observer, plan.controller, plan.sensor, assignments)

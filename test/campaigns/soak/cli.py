@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from pathlib import Path
 
@@ -19,44 +20,38 @@ from slip_vic.options import SCENARIO
 @SCENARIO
 @click.option("-o", "--out", type=click.Path(path_type=Path), default=Path("out/soak"), show_default=True)
 def soak(minutes: float, rate: float, scenario: str, out: Path) -> None:
-    """Run for long in real time over DDS and watch memory and open files of every process.
+    """Run for long in real time over DDS and sample memory, open files and threads of every process.
 
     Exit code 1 where something grows: the slope is the median over all pairs of samples after the warm-up.
     """
     from slip_vic.run.progress import run_progress
-    from test.campaigns.soak.growth import Limits
-    from test.campaigns.soak.run import run_soak, soak_scenario, write_result
+    from test.campaigns.soak.growth import grows, growth_of
+    from test.campaigns.soak.run import run_soak, soak_scenario
 
-    loaded = soak_scenario(scenario, minutes, rate)
-    loaded.check()
     with run_progress(Console(stderr=True)) as add_bar:
-        result = run_soak(loaded, minutes, add_bar(f"soak at {rate:g} Hz", 60.0 * minutes))
-    limits = Limits()
-    path = write_result(out, result, limits)
-    table = Table("process", "memory [MiB]", "slope [MiB/h]", "open files", "threads", "grows", box=SIMPLE_HEAD)
-    for name, growth in result.growth().items():
-        memory, files, threads = growth.memory_mib, growth.files, growth.threads
-        table.add_row(
-            name,
-            f"{memory.first:.1f} / {memory.last:.1f}",
-            f"{memory.per_hour:+.2f}",
-            f"{files.first:.0f} / {files.last:.0f}",
-            f"{threads.first:.0f} / {threads.last:.0f}",
-            ", ".join(growth.grows(limits)) or "no",
-        )
+        on_time = add_bar(f"soak at {rate:g} Hz", 60.0 * minutes)
+        result, series = run_soak(soak_scenario(scenario, minutes, rate), minutes, on_time)
+    growth = {name: growth_of(samples) for name, samples in series.items()}
+    growing = {name: words for name, found in growth.items() if (words := grows(found))}
+    table = Table("process", "quantity", "first", "last", "per hour", box=SIMPLE_HEAD)
+    for name, found in growth.items():
+        for quantity, one in found.items():
+            table.add_row(name, quantity, f"{one.first:.1f}", f"{one.last:.1f}", f"{one.per_hour:+.2f}")
     Console().print(table)
-    done = result.said.get("bridge", {})
-    if done:
-        click.echo(
-            f"{done['ticks']} ticks, {done['sim_time_s']:.1f} s simulated in {done['wall_time_s']:.1f} s; "
-            f"law at work in {100.0 * result.law_share():.0f} % of the cycles"
-        )
-    if result.objects_lost:
-        click.echo(f"{result.objects_lost} objects lost, and put back by an operator")
-    if result.faults:
-        click.echo(f"{len(result.faults)} faults that an operator reset, the last one: {result.faults[-1]}")
-    for line in result.warnings:
+    incidents = [str(incident) for incident in result.incidents]
+    content = {
+        "minutes": minutes, "rate_hz": rate, "ticks": result.ticks, "sim_time_s": result.sim_time_s,
+        "messages": result.messages, "lost": result.lost, "incidents": incidents, "warnings": result.warnings,
+        "growth": {name: {q: one._asdict() for q, one in found.items()} for name, found in growth.items()},
+        "grows": growing, "series": series,
+    }  # fmt: skip
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "soak.json").write_text(json.dumps(content) + "\n", encoding="utf-8")
+    click.echo(f"{result.ticks} ticks, {result.lost} of {result.messages} messages lost, {len(incidents)} incidents")
+    for line in (*incidents, *result.warnings):
         click.echo(f"warning: {line}", err=True)
-    click.echo(f"results: {path}")
-    if any(growth.grows(limits) for growth in result.growth().values()):
+    for name, words in growing.items():
+        click.echo(f"{name} grows: {', '.join(words)}")
+    click.echo(f"results: {out / 'soak.json'}")
+    if growing:
         sys.exit(1)

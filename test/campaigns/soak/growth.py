@@ -1,89 +1,58 @@
-"""Whether a number that is sampled now and then grows: a slope that single jumps do not bend."""
+"""Whether memory, open files or threads of a process grow: a slope that single jumps do not bend."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Final, NamedTuple
 
 import numpy as np
+import psutil
 
-WARM_UP = 0.2  # share of the run that does not count: caches, pools and buffers fill
-LONGEST_WARM_UP_S = 600.0
-SECONDS_PER_HOUR = 3600.0
-MIB = 2.0**20
+WARM_UP: Final = 0.2
+"""Share of the run that does not count: caches, pools and buffers fill."""
+LONGEST_WARM_UP_S: Final = 600.0
+MEMORY_MIB_PER_HOUR, MEMORY_RISE_MIB, COUNT_RISE = 4.0, 1.0, 1.0
+"""Growth is a slope per hour together with a rise over the run; of files and threads the rise alone."""
+QUANTITIES: Final = ("memory [MiB]", "open files", "threads")
 
-
-@dataclass(frozen=True, slots=True)
-class Sample:
-    """A process at one moment: time since the start [s], resident memory [bytes], open files, threads."""
-
-    t: float
-    rss: int
-    files: int
-    threads: int
+Sample = tuple[float, float, float, float]
+"""Time since the start [s], resident memory [MiB], open files, threads."""
 
 
-@dataclass(frozen=True, slots=True)
-class Growth:
-    """A number over a run: first, last and most; slope per hour, and by how much it rose along that slope."""
+class Growth(NamedTuple):
+    """A quantity after the warm-up: first, last, slope per hour, and its rise along that slope."""
 
     first: float
     last: float
-    most: float
     per_hour: float
     rise: float
 
 
-@dataclass(frozen=True, slots=True)
-class Limits:
-    """What counts as growth: a slope per hour, together with a rise over the run that is no page more or less."""
-
-    memory_mib_per_hour: float = 4.0
-    memory_rise_mib: float = 1.0
-    files_rise: float = 1.0
+def sample_process(process: psutil.Process, t: float) -> Sample:
+    """Sample a process, t [s] after the start."""
+    with process.oneshot():
+        return t, process.memory_info().rss / 2.0**20, float(process.num_fds()), float(process.num_threads())
 
 
-@dataclass(frozen=True, slots=True)
-class ProcessGrowth:
-    """Memory [MiB], open files and threads of one process."""
-
-    memory_mib: Growth
-    files: Growth
-    threads: Growth
-
-    def grows(self, limits: Limits) -> list[str]:
-        """Return what grows, in words; empty where nothing does."""
-        found = []
-        memory = self.memory_mib
-        if memory.per_hour > limits.memory_mib_per_hour and memory.rise > limits.memory_rise_mib:
-            found.append(f"memory by {memory.per_hour:.1f} MiB per hour")
-        for name, growth in (("open files", self.files), ("threads", self.threads)):
-            if growth.rise >= limits.files_rise:
-                found.append(f"{name} by {growth.per_hour:.1f} per hour")
-        return found
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return it as JSON can hold it."""
-        return asdict(self)
-
-
-def growth_of(samples: Sequence[Sample]) -> ProcessGrowth:
-    """Return how a process grew after its warm-up; at least two samples."""
-    times = np.array([sample.t for sample in samples])
+def growth_of(samples: Sequence[Sample]) -> dict[str, Growth]:
+    """Return how each quantity of a process grew after its warm-up; at least two samples."""
+    times, *columns = np.array(samples).T
     after = times >= min(WARM_UP * times[-1], LONGEST_WARM_UP_S)
+    found = {}
+    for name, column in zip(QUANTITIES, columns, strict=True):
+        slope = robust_slope(times[after], column[after])
+        rise = slope * float(times[-1] - times[after][0])
+        found[name] = Growth(float(column[after][0]), float(column[-1]), 3600.0 * slope, rise)
+    return found
 
-    def growth(values: list[float]) -> Growth:
-        kept, when = np.array(values)[after], times[after]
-        slope = robust_slope(when, kept)
-        rise = slope * float(when[-1] - when[0])
-        return Growth(float(kept[0]), float(kept[-1]), float(kept.max()), slope * SECONDS_PER_HOUR, rise)
 
-    return ProcessGrowth(
-        growth([sample.rss / MIB for sample in samples]),
-        growth([float(sample.files) for sample in samples]),
-        growth([float(sample.threads) for sample in samples]),
-    )
+def grows(growth: Mapping[str, Growth]) -> list[str]:
+    """Return the quantities that grow, with their slopes."""
+    memory, *counts = QUANTITIES
+    steep = growth[memory].per_hour > MEMORY_MIB_PER_HOUR and growth[memory].rise > MEMORY_RISE_MIB
+    found = [memory] if steep else []
+    found += [name for name in counts if growth[name].rise >= COUNT_RISE]
+    return [f"{name} by {growth[name].per_hour:.1f} per hour" for name in found]
 
 
 def robust_slope(times: Sequence[float] | np.ndarray, values: Sequence[float] | np.ndarray) -> float:

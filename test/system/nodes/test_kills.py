@@ -11,7 +11,7 @@ from slip_vic.run.processes import Child
 from test.support.ros import Processes
 from test.system.nodes.test_modes import BRIDGE_ENDLESS, CONTROLLER_SLOW, Start, Watcher, starter
 
-ALONE = "bridge.wait_for=[]"
+ALONE = "bridge.expected_subscribers=0"
 CALL_ENABLE = "to continue call ~/enable"
 
 

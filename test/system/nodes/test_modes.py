@@ -133,7 +133,7 @@ def test_managed_node_waits_for_transitions(watcher: Watcher, start, processes: 
 
     controller = start("controller", "controller.auto_activate=false", *CONTROLLER_SLOW)
     assert watcher.change(Transition.TRANSITION_CONFIGURE)
-    start("bridge", *BRIDGE_ENDLESS, "bridge.wait_for=[]")
+    start("bridge", *BRIDGE_ENDLESS, "bridge.expected_subscribers=0")
     watcher.wait_mode("WAITING_INPUT", "activation")
     watcher.spin(lambda: len(watcher.commands) > 10, "commands")
     assert all(len(command.effort) == 0 for command in watcher.commands)
@@ -207,5 +207,5 @@ def test_restarted_bridge_is_accepted(nodes: System, shared_start: Start, shared
     watcher.wait_law()
     shared_processes.kill(nodes.bridge)
     watcher.wait_mode("HOLD", "silent")
-    shared_start("bridge", *BRIDGE_ENDLESS, "bridge.wait_for=[]")
+    shared_start("bridge", *BRIDGE_ENDLESS, "bridge.expected_subscribers=0")
     watcher.wait_law()

@@ -13,8 +13,7 @@ import pytest
 from click.testing import CliRunner
 
 from test.campaigns.soak.cli import soak
-from test.campaigns.soak.growth import Limits, Sample, growth_of, robust_slope
-from test.campaigns.soak.run import sample_process
+from test.campaigns.soak.growth import grows, growth_of, robust_slope, sample_process
 
 LEAK = """
 import os, sys, time
@@ -26,7 +25,7 @@ while True:
 """
 
 
-def test_slope_of_a_line_with_jumps() -> None:
+def test_slope_with_jumps() -> None:
     times = [float(t) for t in range(100)]
     steps = [2.0 * t + (500.0 if t > 80 else 0.0) for t in times]
     assert robust_slope(times, steps) == pytest.approx(2.0, rel=0.05)
@@ -35,13 +34,12 @@ def test_slope_of_a_line_with_jumps() -> None:
 
 
 def test_warm_up_does_not_count() -> None:
-    samples = [Sample(float(t), (50 + min(t, 10) * 10) << 20, 20, 8) for t in range(100)]
-    growth = growth_of(samples)
-    assert growth.memory_mib.per_hour == 0.0
-    assert growth.grows(Limits()) == []
+    growth = growth_of([(float(t), 50.0 + 10.0 * min(t, 10), 20.0, 8.0) for t in range(100)])
+    assert growth["memory [MiB]"].per_hour == 0.0
+    assert grows(growth) == []
 
 
-def test_a_process_that_leaks_is_seen() -> None:
+def test_leaking_process_grows() -> None:
     with subprocess.Popen([sys.executable, "-c", LEAK]) as process:
         watched, start = psutil.Process(process.pid), time.monotonic()
         samples = []
@@ -50,9 +48,8 @@ def test_a_process_that_leaks_is_seen() -> None:
             time.sleep(0.05)
         process.kill()
     growth = growth_of(samples)
-    assert growth.memory_mib.rise > 1.0
-    words = growth.grows(Limits())
-    assert [word.split(" by ")[0] for word in words] == ["memory", "open files"]
+    assert growth["memory [MiB]"].rise > 1.0
+    assert [word.split(" by ")[0] for word in grows(growth)] == ["memory [MiB]", "open files"]
 
 
 def test_a_short_soak_runs_and_reports(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -61,9 +58,7 @@ def test_a_short_soak_runs_and_reports(tmp_path: Path, monkeypatch: pytest.Monke
     assert result.exception is None or isinstance(result.exception, SystemExit), result.output
     content = json.loads((tmp_path / "soak.json").read_text())
     assert set(content["growth"]) == {"bridge", "controller", "recorder", "soak"}
-    assert content["said"]["bridge"]["ticks"] > 300
-    assert 0.0 <= content["law_share"] <= 1.0  # how much of it is a matter of the machine's timing
-    for name, series in content["series"].items():
-        assert len(series) >= 5, name
-        assert all(rss > 1 << 20 and files > 3 for _, rss, files, _ in series)
-    assert "grows" in result.output
+    assert content["ticks"] > 300
+    for name, samples in content["series"].items():
+        assert len(samples) >= 5, name
+        assert all(mib > 1.0 and files > 3 for _, mib, files, _ in samples)

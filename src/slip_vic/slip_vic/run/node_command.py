@@ -27,15 +27,12 @@ def node_command(name: str, params: ParameterModel, folder: Path, *words: str) -
 
 
 def run_parameters(scenario: Scenario, recording: bool) -> tuple[ParameterModel, ParameterModel]:
-    """Return the parameters of controller and bridge, each of which waits for the others of the run."""
-    peers = ("controller", "recorder") if recording else ("controller",)
+    """Return the parameters of controller and bridge, each of which waits for the other one and the recorder."""
+    counts = {"expected_subscribers": 2 if recording else 1}
     ready = replace(
         scenario,
-        controllers={
-            name: params.model_copy(update={"expected_subscribers": len(peers)})
-            for name, params in scenario.controllers.items()
-        },
-        bridges={name: params.model_copy(update={"wait_for": peers}) for name, params in scenario.bridges.items()},
+        controllers={name: params.model_copy(update=counts) for name, params in scenario.controllers.items()},
+        bridges={name: params.model_copy(update=counts) for name, params in scenario.bridges.items()},
     )
     return ready.controller, ready.bridge
 

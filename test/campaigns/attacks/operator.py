@@ -4,17 +4,13 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from typing import Any
 
-import rclpy
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from slip_msgs_py.environment import choose_transport
 from slip_msgs_py.qos import create_subscription
 from test.campaigns.faults.monitors import LOST_M
 
@@ -85,20 +81,3 @@ class Operator:
                 self._clients[self._steps.pop(0)].call_async(Trigger.Request())
                 self._next_s = time.monotonic() + AGAIN_S
         return held
-
-
-@contextmanager
-def operator_of(domain: int) -> Iterator[Operator]:
-    """Give an operator in a ROS domain, who leaves with the block."""
-    choose_transport()
-    context = rclpy.Context()
-    rclpy.init(args=[], context=context, domain_id=domain)
-    node = rclpy.create_node("operator", context=context)
-    executor = SingleThreadedExecutor(context=context)
-    executor.add_node(node)
-    try:
-        yield Operator(node, executor)
-    finally:
-        executor.shutdown()
-        node.destroy_node()
-        rclpy.try_shutdown(context=context)
