@@ -157,7 +157,7 @@ def test_a_law_has_its_own_colour_and_a_sentence_at_the_top() -> None:
     assert re.search(r'<p id="laws"><b>vic</b>: the paper\'s law', text[: text.index("<main>")])
 
 
-@pytest.mark.parametrize(("bag", "words"), [("no_such_bag", "no_such_bag"), ("folder", "metadata.yaml")])
+@pytest.mark.parametrize(("bag", "words"), [("no_such_bag", "no_such_bag"), ("folder", "a bag with MCAP files")])
 def test_no_bag_is_one_line_and_no_page(tmp_path: Path, bag: str, words: str) -> None:
     (tmp_path / "folder").mkdir()
     with pytest.raises(InputError, match=words):
