@@ -65,8 +65,11 @@ def test_new_goal_waits_for_rest() -> None:
     first, second = lambda run: run.give(*PAPER), lambda run: run.give([0.1, 0.3, 0.0], [0.0, 0.0, 0.4], 1.0)
     run = Run("paper_planar", "governed", 5.0, {5: first, 900: second})
     assert run.lines == [
-        "goal 1 moves", "goal 2 waits until the pad is at rest on the path that it is on", "goal 2 moves", "goal 2 reached",
-    ]  # fmt: skip
+        "goal 1 moves",
+        "goal 2 waits until the pad is at rest on the path that it is on",
+        "goal 2 moves",
+        "goal 2 reached",
+    ]
     assert run.slip_m < HELD_M
     assert run.load <= 1.0 + 1e-9
     x, R, twist = run.references[-1]
