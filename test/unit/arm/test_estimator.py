@@ -198,21 +198,7 @@ def test_noise_is_no_fault() -> None:
     for seed in range(5):
         state, found, _ = moving(lambda q, v, t, m: (q, v), steps=2000, seed=seed)
         assert found == -1
-        assert (state.finding, state.lag) == (Finding.NONE, 0.0)
-
-
-def late(lag_s: float, joints: tuple[int, ...], seed: int, steps: int = 1200, **values: Any) -> tuple[Any, float]:
-    """Return the state after a motion with velocities behind a low-pass, and the last error of the velocity."""
-    sampled, rng, filtered = Joints(configuration(**values)), np.random.default_rng(seed), np.zeros(N)
-    speeds = np.array([0.6, -0.4, 0.8])
-    for k in range(steps):
-        w, t = 4.0, k * T
-        q, v, a = speeds * (1.0 - math.cos(w * t)) / w, speeds * math.sin(w * t), speeds * w * math.cos(w * t)
-        filtered += (1.0 - math.exp(-T / lag_s)) * (v - filtered)
-        measured = np.where(np.isin(np.arange(N), joints), filtered, v) + 1e-3 * rng.normal(size=N)
-        _, velocity = sampled.sample(q + 2e-5 * rng.normal(size=N), measured)
-        sampled.act(a)
-    return sampled.state, float(np.abs(velocity[:N] - v).max())
+        assert state.finding == Finding.NONE
 
 
 def opposed(

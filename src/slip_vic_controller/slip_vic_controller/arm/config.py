@@ -13,7 +13,7 @@ from slip_core.matrices import product, riccati, solve
 from slip_core.records import new, record
 from slip_vic_controller.arm.estimator import transition
 from slip_vic_controller.arm.joint_estimate import ESTIMATOR_CONFIG, MAX_LATENCY, QUICK, EstimatorConfig, Trust
-from slip_vic_controller.arm.plausibility import LEAST_LAG_S, MOVES, REPEATED, UNMOVED
+from slip_vic_controller.arm.plausibility import MOVES, REPEATED, UNMOVED
 from slip_vic_controller.arm.tare import LEAST_SAMPLES, Tare, deviation, periods_of_joints
 from slip_vic_controller.params.arm_params import JointSensorConfig
 from slip_vic_controller.params.controller_params import ControllerParams
@@ -243,7 +243,6 @@ def estimator_config(params: ControllerParams, effort_limit: Array) -> Array:
     ahead = predicted_covariance(both, noise, config.bandwidth, period, sensor.latency_s)
     config.velocity_variance, config.change_variance = ahead[1, 1], both.change_variance
     spread = math.hypot(math.sqrt(2.0) * noise.position, math.sqrt(COMPARED_S * config.sensor_period) * noise.velocity)
-    config.spread, config.least_lag = spread, LEAST_LAG_S + 2.0 * sensor.filter_s
     config.difference = max(sensor.difference, DEVIATIONS * spread) + MOST_SPEED * sensor.filter_s
     config.repeated = MOVES if config.on else REPEATED
     config.unmoved = max(UNMOVED, 2.0 * sensor.quantum_position)

@@ -43,7 +43,6 @@ from slip_vic_controller.arm.plausibility import (
     all_unmeasured,
     compare_measurements,
     count_unmeasured,
-    find_late_velocities,
     is_unmeasured,
     joint_repeats,
     repeats,
@@ -171,7 +170,6 @@ def estimate_joints(
     corrects = new and (periods == 1 or config.sensor_ticks == 1) and not all_unmeasured(config, state)
     if new and not repeated:
         compare_measurements(config, state, (stamp_ns - state.renewed_ns) * 1e-9, q, qd)
-        find_late_velocities(config, state)
         state.renewed_ns, state.missing = stamp_ns, 0 if corrects else 1
     # After a missing sample an innovation has had longer to grow from a wrong velocity or disturbance.
     passed, share = (stamp_ns - state.corrected_ns) * 1e-9, 1.0
@@ -199,7 +197,7 @@ def estimate_joints(
                 (newer.vv * x_v + newer.vd * x_d + newer.vu * u),
             )
         of_q, of_v, trust = q[j] - x_q, qd[j] - x_v, state.trust[j]
-        if trust == Trust.BOTH and (state.lag > 0.0 or state.alone != 0):
+        if trust == Trust.BOTH and state.alone != 0:
             trust = Trust.POSITION.value
         if not corrects or is_unmeasured(config, state, j):  # what is known stays
             of_q, of_v = 0.0, 0.0

@@ -69,8 +69,6 @@ class EstimatorConfig(Record):
     velocity_variance: Real  # (rad/s)^2; of the predicted velocity
     change_variance: Real  # (rad/s)^2; noise of its change over a period
     difference: Real  # rad; between position and integrated velocity that is no noise
-    spread: Real  # rad; standard deviation that noise gives it
-    least_lag: Real  # s; by which velocities are later than told
     repeated: Real  # rad/s; velocity with which a joint that is measured does not read the same
     unmoved: Real  # rad; and way by its velocity
     compensates: Whole  # whether the disturbance is taken off the effort
@@ -114,8 +112,6 @@ class JointEstimate(Record):
     unmeasured: WholeJoints  # control periods for which it has read the same, though it moves or never did before
     trust: WholeJoints  # Trust
     alone: Whole  # whether positions alone are measured
-    late: Whole  # samples in a row that show velocities behind positions
-    lag: Real  # s; by which velocities are behind positions, which are used alone then; 0 = they are not
     effort: Joints  # N m; disturbance
     slow_effort: Joints  # N m; its low-pass
     slow_wrench: Joints  # N m; low-pass of the measured wrench's torque
@@ -152,7 +148,6 @@ def clear_findings(state: JointEstimate) -> None:
     state.swept[:] = 0.0
     state.jumped_s[:] = 0.0
     state.beyond_s[:] = 0.0
-    state.late, state.lag = 0, 0.0
 
 
 @part

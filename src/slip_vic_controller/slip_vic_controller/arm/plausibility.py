@@ -37,10 +37,7 @@ OPPOSED, SAME_SIZE = 0.3, 0.8
 are one way with a wrong sign."""
 LAG_S: Final = 0.01
 """Time by which a velocity may be behind its position before they contradict each other, as behind a low-pass of 16 Hz
-[s]; more where more has been found."""
-LEAST_LAG_S, LATE, ALIKE, BEYOND_NOISE = 0.002, 10, 0.9, 5.0
-"""Time by which velocities are late [s], from which positions are used alone, and samples in a row that must show it;
-square of the correlation of all joints with it, and their difference over its noise."""
+[s]."""
 MOVES: Final = 0.02
 """Speed from which the sign of a joint's friction is known [rad/s]."""
 
@@ -168,7 +165,7 @@ def compare_measurements(config: EstimatorConfig, state: JointEstimate, dt: floa
 def contradiction(state: JointEstimate, j: int) -> float:
     """Return what position shows beyond velocity [rad] that a velocity which is up to LAG_S late does not explain."""
     difference = state.moved[j] - state.swept[j]
-    late = max(LAG_S, 2.0 * state.lag) * gained(state, j)
+    late = LAG_S * gained(state, j)
     return float(difference - min(max(difference, min(late, 0.0)), max(late, 0.0)))
 
 
@@ -179,28 +176,6 @@ def gained(state: JointEstimate, j: int) -> float:
     Implements: ours: by parts it is the velocity now, less its faded mean.
     """
     return float(state.measured_velocity[j] - state.swept[j] / MEMORY_S)
-
-
-@part
-def find_late_velocities(config: EstimatorConfig, state: JointEstimate) -> None:
-    """Find velocities that all are behind the positions by one time, as those of a low-pass that nobody told.
-
-    Implements: ours: least squares of the differences of all joints over what their velocities gained.
-    """
-    if config.on == 0 or state.alone != 0 or state.lag > 0.0:
-        return
-    along = square = differences = 0.0
-    for j in range(config.joints):
-        if state.trust[j] == Trust.BOTH:
-            difference, gain = state.moved[j] - state.swept[j], gained(state, j)
-            along += difference * gain
-            square += gain * gain
-            differences += difference * difference
-    noise = BEYOND_NOISE * config.spread
-    clear = differences > config.joints * noise * noise and along * along > ALIKE * differences * square
-    state.late = state.late + 1 if clear and along > config.least_lag * square else 0
-    if state.late >= LATE:
-        state.lag = along / square
 
 
 @part

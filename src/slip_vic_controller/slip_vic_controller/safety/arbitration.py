@@ -7,7 +7,6 @@ continues with the prediction, or without compensation where there is none; then
 
 from __future__ import annotations
 
-import math
 from enum import IntEnum, unique
 from typing import Protocol
 
@@ -343,9 +342,6 @@ def find_degraded(
     elif state.observed.path_speed < 1.0 or task.path.scale < 1.0:
         cause = Cause.PATH_WAITS
     if cause == Cause.NONE:
-        lag = state.estimate.lag
-        if lag > 0.0:
-            return Reason(Cause.LATE_VELOCITIES.value, 0, 0, 1e3 * lag, 0.5 / (math.pi * lag))
         return NOTHING
     # What keeps the pad from its path there is no slip, and no friction that is too low; nor is it what lasts of that.
     pushed = pushed_joint(config.motion, n, q)

@@ -45,7 +45,6 @@ class Cause(IntEnum):
     GIVEN_UP = 23
     HALTED = 24
     ENDLESS_SLIP = 33
-    LATE_VELOCITIES = 34  # value: by how much [ms], limit: corner of a low-pass that is so late [Hz]
     TARE = 26
     NOT_FOLLOWING = 28  # detail: joint; value: torque on it beyond what it needs at rest [N m], limit: error [m]
     NOT_TURNING = 30  # the same where only the attitude is far: limit: error [rad]
@@ -181,9 +180,6 @@ def _cause_text(reason: Reason | ReasonRecord, joint_names: Sequence[str]) -> st
     if cause == Cause.PUSHED_BACK:
         why = "is pushed back from the end of its range"
         return f"{joint_names[reason.detail]} {why}, at {value:.2f} rad: the pad cannot keep to the path"
-    if cause == Cause.LATE_VELOCITIES:
-        told = f"tell the controller with joint_sensor.velocity_filter_hz, about {limit:.0f}"
-        return f"joint velocities are {value:.1f} ms behind the positions, which are used alone: {told}"
     if cause == Cause.BIASED:
         name, unit = _OF_SENSOR[Sensor(reason.detail)]
         return f"the {name} reads {value:.3g} {unit} at rest, at most {limit:.3g} are taken out: check it, call ~/tare"
