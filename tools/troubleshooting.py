@@ -53,6 +53,8 @@ TO_DO = {
     "object was pushed, friction is more than what that slip has taught: `~/reset_fault` plans with the configured friction.",
     Cause.OVERRUNS: "The friction fell while it moved. More grip; `governor.margin` leaves more room.",
     Cause.ENDLESS_SLIP: "Pads tremble with the joints, or a bias came after the tare: `~/tare` at rest, or a larger `governor.pre_sliding`.",
+    Cause.UNSEEN_SLIP: "Look at the slip sensor: it reads zero, or not this contact. Where it is right, `object.mass` is larger than the "
+    "object's, or the wrench reads too little: call `~/tare` at rest. `~/reset_fault` plans with the configured friction.",
     Cause.HALTED: "More grip or friction, a lighter object or another path. Where it cannot be: `governor.friction: known`.",
     Cause.JOINT: "Check this joint's encoder, its sign and its driver; after a collision clear the arm. Where efforts are "
     "late set `drive.delay_s`. Then `~/reset_fault`.",

@@ -84,7 +84,14 @@ OWN = {  # layers inside a package: what of the own package a part may import
     | SHARED,
     "slip_vic_controller.governor": {
         f"slip_vic_controller.{part}"
-        for part in ("governor", "contact.friction_estimate", "law.rotation", "path.path_scaling", "path.paths")
+        for part in (
+            "governor",
+            "contact.friction_estimate",
+            "contact.wrench_evidence",
+            "law.rotation",
+            "path.path_scaling",
+            "path.paths",
+        )
     }
     | SHARED,
     "slip_vic_controller.path": {

@@ -87,7 +87,6 @@ class Estimate(Record):
     first: Real  # N, F^ at first
     slipped_at: Real  # N, smallest load at which it has slipped, in the model's units; 0 before
     certified: Real  # N, largest load carried without slip
-    asked: Real  # N, largest load asked for without slip
     carried: Real  # N, the same, whatever slips have shown since
     slipping: Whole
     slip_ns: Whole  # stamp of the newest slip sample
@@ -137,7 +136,7 @@ def start_estimate(
     """
     state.F_hat = state.first = first_friction(config, rests_with)
     state.slipped_at = 0.0
-    state.certified = state.carried = state.asked = min(at_rest + config.probe, state.first)
+    state.certified = state.carried = min(at_rest + config.probe, state.first)
     state.slipping, state.slip_ns, state.events, state.event_ns = 0, NEVER, 0, NEVER
     state.suspected, state.suspected_at, state.claimed_ns, state.found = 0, 0.0, NEVER, 0
     state.suspected_ns, state.suspected_speed = 0, 0.0
@@ -171,19 +170,11 @@ def certify(config: EstimateConfig, state: Estimate, history: LoadHistory, now_n
     """Let the load of a cycle count as carried, once the slip sensor would have shown otherwise."""
     if state.slipping != 0:
         return
-    newest = history.loads[(history.count - 1) % LOADS].commanded
-    state.asked = min(max(state.asked, newest), state.F_hat)
     i = index_at(history, now_ns - config.sensor_delay_ns)
     if i >= 0 and history.loads[i].stamp_ns <= now_ns - config.sensor_delay_ns:
         load = history.loads[i]
         state.certified = min(max(state.certified, load.commanded), state.F_hat)
         state.carried = max(state.carried, min(load.commanded, load.measured, state.F_hat))
-
-
-@part
-def asks_for_more(config: EstimateConfig, state: Estimate) -> bool:
-    """Return whether clearly more has been asked of friction than the slip sensor has had the time to deny."""
-    return bool(state.slipping == 0 and config.kept * state.asked > state.certified)
 
 
 @part
@@ -274,11 +265,20 @@ def slip_sample(
     slipped_at = slipping_load(config, history, i)
     if state.suspected != 0:
         state.suspected, slipped_at = 0, min(slipped_at, state.suspected_at)
-    learnt = max(config.kept * slipped_at, config.least)
-    if learnt >= state.F_hat:
+    return bool(learn_carried(config, state, slipped_at, stamp_ns))
+
+
+@part
+def learn_carried(config: EstimateConfig, state: Estimate, carried: float, stamp_ns: int) -> bool:
+    """Take the load [N at the nominal grip] that a slip left of what was asked; return whether F^ has become smaller.
+
+    It is what friction carries while it slides, no more than before: so nothing here depends on the slip sensor.
+    """
+    learnt = max(config.kept * carried, config.least)
+    if config.friction == Friction.KNOWN or learnt >= state.F_hat:
         return False
-    state.F_hat, state.slipped_at = learnt, slipped_at
-    state.certified = state.asked = min(state.certified, learnt)
+    state.F_hat, state.slipped_at = learnt, carried
+    state.certified = min(state.certified, learnt)
     state.events += 1
     state.event_ns = stamp_ns
     return True

@@ -7,20 +7,23 @@ import math
 from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.records import Records
-from slip_core.vectors import NOTHING, Mat, Spatial, Vec, mat, spatial, vec
+from slip_core.vectors import NOTHING, Mat, Spatial, Vec, mat, put_spatial, spatial, vec
 from slip_vic_controller.contact.friction_estimate import (
+    Friction,
     end_slip,
+    learn_carried,
     provisional,
     slip_sample,
     suspect,
     take_weakest,
     weaker,
 )
+from slip_vic_controller.contact.wrench_evidence import lacks_load
 from slip_vic_controller.governor import governor
 from slip_vic_controller.governor.grip import follow_load, load_ahead
 from slip_vic_controller.governor.guard import hold_back, missing_load
 from slip_vic_controller.governor.layouts import GovernedPad, Governor, GovernorConfig
-from slip_vic_controller.governor.load import ALONE, Held, Shared, size, surface, weight
+from slip_vic_controller.governor.load import ALONE, Held, Shared, load, size, surface, weight
 from slip_vic_controller.governor.plan import GRID_POINTS, Along, Governing, along, along_at, sample_time
 from slip_vic_controller.governor.step import Pad, step_on
 from slip_vic_controller.law.arm import Arm
@@ -319,6 +322,31 @@ def record_pad(config: ControllerConfig, task: TaskState, state: ArmState, outpu
         speed = math.sqrt(observed.dot(observed))
         heavy = 0.0 if config.grip.follow != 0 else task.governor.weight_load
         suspect(config.governor.estimate, pad.estimate, pad.loads, stamp_ns, found, speed, heavy)
+        if config.law.contacts == 1 and config.governor.estimate.friction != Friction.KNOWN and dt > 0.0:
+            weigh_evidence(config, state, outputs, stamp_ns, dt)
+
+
+@part
+def weigh_evidence(
+    config: ControllerConfig, state: ArmState, outputs: CycleOutputs, stamp_ns: int, dt: float
+) -> None:  # fmt: skip
+    """Compare the load with the one that the pad's motion needs, and learn friction where that shows a slip."""
+    pad, limits, motion = state.pad, config.governor, outputs.motion
+    evidence, weights, R, v_ee = (
+        pad.evidence,
+        surface(spatial(limits.slip_axes), limits.radius),
+        mat(motion.rotation),
+        spatial(motion.v_ee),
+    )
+    if evidence.begun != 0:
+        a = (1.0 / dt) * (v_ee - spatial(evidence.twist))
+        needed = load(held(config, state, outputs.gains), weights, R, v_ee.angular, vec(limits.gravity), a)
+        measured = weights * spatial(outputs.samples[0].wrench)
+        F, seen = pad.grip * pad.estimate.F_hat, pad.estimate.slipping
+        if lacks_load(evidence, pad.commanded, needed, measured, F, seen, stamp_ns, dt):
+            learn_carried(limits.estimate, pad.estimate, evidence.carried / pad.grip, stamp_ns)
+    put_spatial(evidence.twist, v_ee)
+    evidence.begun = 1
 
 
 @part

@@ -23,6 +23,7 @@ from slip_vic_controller.contact.friction_estimate import (
     remember,
     start_estimate,
 )
+from slip_vic_controller.contact.wrench_evidence import start_evidence
 from slip_vic_controller.governor.layouts import GovernedPad, Governor, GovernorConfig
 from slip_vic_controller.governor.load import Held, size, surface
 from slip_vic_controller.governor.plan import (
@@ -83,6 +84,7 @@ def start_pad(config: GovernorConfig, pad: GovernedPad, at_rest: float, weighed:
     """
     rests_with = at_rest / (grip * config.path_margin) if weighed else 0.0
     start_estimate(config.estimate, pad.estimate, pad.loads, at_rest / grip, rests_with)
+    start_evidence(pad.evidence)
     pad.commanded = pad.measured = at_rest
     pad.guard, pad.grip = 1.0, grip
     put_spatial(pad.feedback, NOTHING)

@@ -7,6 +7,7 @@ from typing import Annotated, Final
 from slip_core.arrays import Array
 from slip_core.records import Real, Record, Vec3, Vec6, Whole, dtype_of
 from slip_vic_controller.contact.friction_estimate import Estimate, EstimateConfig, LoadHistory
+from slip_vic_controller.contact.wrench_evidence import WrenchEvidence
 
 MAX_WINDOW: Final = 64
 """Largest number of cycles of the moving average."""
@@ -79,6 +80,7 @@ class GovernedPad(Record):
     grip: Real  # over the one for which F^ is configured
     estimate: Estimate
     loads: LoadHistory  # of the last cycles
+    evidence: WrenchEvidence
 
 
 GOVERNOR_CONFIG, GOVERNOR, PAD = dtype_of(GovernorConfig), dtype_of(Governor), dtype_of(GovernedPad)

@@ -107,6 +107,24 @@ class EstimatedSlip(Protocol):
     variance: Array
 
 
+class LackOfLoad(Protocol):
+    """What is read of the wrench's evidence of slip: loads [N]."""
+
+    unseen: int
+    unseen_ns: int
+    lacks_of: float
+    carried: float
+
+
+class GraspedPad(Protocol):
+    """What is read of a pad's state."""
+
+    @property
+    def evidence(self) -> LackOfLoad:
+        """Return what the wrench shows of slip."""
+        ...
+
+
 class GivenUp(Protocol):
     """What is read of the law's state."""
 
@@ -164,6 +182,11 @@ class Judged(Protocol):
     @property
     def law(self) -> GivenUp:
         """Return the state of the law."""
+        ...
+
+    @property
+    def pad(self) -> GraspedPad:
+        """Return what the governor keeps of the pad."""
         ...
 
     @property
@@ -330,6 +353,9 @@ def find_degraded(
     if stuck(state.following, now_ns):
         following = state.following
         return Reason(following.cause, following.joint, 0, following.value, following.error)
+    lack = state.pad.evidence
+    if lack.unseen != 0 and now_ns - lack.unseen_ns > config.arbitration.blind_ns:
+        return Reason(Cause.UNSEEN_SLIP.value, 0, 0, lack.lacks_of, lack.carried)
     cause = Cause.NONE
     if task.governor.overrun != 0:
         cause = Cause.OVERRUNS

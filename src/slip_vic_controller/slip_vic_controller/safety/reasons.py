@@ -45,6 +45,7 @@ class Cause(IntEnum):
     GIVEN_UP = 23
     HALTED = 24
     ENDLESS_SLIP = 33
+    UNSEEN_SLIP = 35  # value: load that the motion needs, limit: that the wrench carries [N]
     TARE = 26
     NOT_FOLLOWING = 28  # detail: joint; value: torque on it beyond what it needs at rest [N m], limit: error [m]
     NOT_TURNING = 30  # the same where only the attitude is far: limit: error [rad]
@@ -180,6 +181,9 @@ def _cause_text(reason: Reason | ReasonRecord, joint_names: Sequence[str]) -> st
     if cause == Cause.PUSHED_BACK:
         why = "is pushed back from the end of its range"
         return f"{joint_names[reason.detail]} {why}, at {value:.2f} rad: the pad cannot keep to the path"
+    if cause == Cause.UNSEEN_SLIP:
+        found = f"the wrench carries {limit:.2f} N where the motion needs {value:.2f} N"
+        return f"{found}, the slip sensor reads nothing: planning for {limit:.2f} N"
     if cause == Cause.BIASED:
         name, unit = _OF_SENSOR[Sensor(reason.detail)]
         return f"the {name} reads {value:.3g} {unit} at rest, at most {limit:.3g} are taken out: check it, call ~/tare"

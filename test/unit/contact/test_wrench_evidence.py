@@ -1,0 +1,127 @@
+"""A load that stays below what the motion needs is a slip, with the slip sensor or without it."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from slip_core.records import new, record
+from slip_core.vectors import ZERO, Spatial, Vec
+from slip_vic_controller.contact.friction_estimate import (
+    ESTIMATE,
+    ESTIMATE_CONFIG,
+    LEAST_FRICTION,
+    LOAD_HISTORY,
+    Friction,
+    learn_carried,
+    start_estimate,
+)
+from slip_vic_controller.contact.wrench_evidence import (
+    LACKS_S,
+    MEAN_S,
+    SCATTERS,
+    WRENCH_EVIDENCE,
+    lacks_load,
+    start_evidence,
+)
+
+DT, MS = 1e-3, 1_000_000
+
+
+def evidence() -> SimpleNamespace:
+    """Return the evidence of a contact that has carried nothing yet."""
+    state = record(new(WRENCH_EVIDENCE), WRENCH_EVIDENCE)
+    start_evidence(state)
+    return state
+
+
+def run(state: SimpleNamespace, cycles: int, commanded: float, needed: float, measured: float, seen: int = 0) -> int:
+    """Do cycles of equal loads [N] along one axis; return in which one a slip was found, -1 = in none."""
+    found = -1
+    for k in range(cycles):
+        need, load = Spatial(Vec(needed, 0.0, 0.0), ZERO), Spatial(Vec(measured, 0.0, 0.0), ZERO)
+        if lacks_load(state, commanded, need, load, 0.25, seen, k * MS, DT) and found < 0:
+            found = k
+    return found
+
+
+def carry(state: SimpleNamespace, load: float) -> None:
+    """Let the means come to a load that is carried in full [N]."""
+    assert run(state, 1000, load, load, load) == -1
+
+
+@pytest.mark.parametrize("share", [0.5, 0.7, 0.8])
+def test_time_to_find_a_slip(share: float) -> None:
+    state = evidence()
+    carry(state, 0.2)
+    # Closed form of the sum: lack(t) = (1 - share) (1 - exp(-t / MEAN_S)), counted from where it passes SCATTERS.
+    t, S = 0.0, 0.0
+    while S <= LACKS_S:
+        t += DT
+        S = max(S + DT * ((1.0 - share) * (1.0 - math.exp(-t / MEAN_S)) - SCATTERS), 0.0)
+    assert run(state, 1000, 0.2, 0.2, share * 0.2) == round(t / DT) - 1
+    assert state.unseen == 1
+    assert (state.lacks_of, state.unseen_ns) == (pytest.approx(0.2), (round(t / DT) - 1) * MS)
+    assert share * 0.2 < state.carried < 0.2
+
+
+@pytest.mark.parametrize(
+    ("commanded", "needed", "measured"),
+    [
+        (0.2, 0.2, 0.2),
+        (0.2, 0.2, (1.0 - 0.99 * SCATTERS) * 0.2),  # scatter
+        (0.2, 0.0, 0.0),  # the arm is stuck
+        (0.0, 0.2, 0.0),  # noise of joint velocities
+        (0.05, 0.05, 0.05 - 0.99 * SCATTERS * LEAST_FRICTION * 0.25),  # a load that does not count
+        (0.1, 0.1, 0.2),  # a push
+    ],
+)
+def test_no_slip_without_lack(commanded: float, needed: float, measured: float) -> None:
+    assert run(evidence(), 3000, commanded, needed, measured) == -1
+
+
+def test_the_slip_sensor_sees_it() -> None:
+    state = evidence()
+    carry(state, 0.2)
+    run(state, 500, 0.2, 0.2, 0.1)
+    assert state.unseen == 1
+    assert run(state, 1, 0.2, 0.2, 0.1, seen=1) == -1
+    assert (state.unseen, state.sum_s) == (0, 0.0)
+
+
+def test_a_wrong_mass_counts_once() -> None:
+    state = evidence()
+    assert run(state, 500, 0.2, 0.2, 0.12) >= 0
+    assert run(state, 2000, 0.15, 0.15, 0.09) == -1, "nothing has been carried in full since"
+    carry(state, 0.15)
+    assert run(state, 500, 0.15, 0.15, 0.09) >= 0
+
+
+def test_noise_is_no_load() -> None:
+    state, rng, found = evidence(), np.random.default_rng(3), 0
+    for k in range(20_000):
+        noisy = Spatial(Vec(0.15 + 0.05 * rng.standard_normal(), 0.05 * rng.standard_normal(), 0.0), ZERO)
+        found += lacks_load(state, 0.15, Spatial(Vec(0.15, 0.0, 0.0), ZERO), noisy, 0.25, 0, k * MS, DT)
+    assert found == 0
+
+
+@pytest.mark.parametrize(
+    ("friction", "carried", "F_hat"),
+    [
+        (Friction.LEARNT, 0.6, 0.57),
+        (Friction.LEARNT, 1.2, 1.0),
+        (Friction.KNOWN, 0.6, 1.0),
+        (Friction.LEARNT, 0.0, 0.01),
+    ],
+)
+def test_friction_from_the_load_left(friction: Friction, carried: float, F_hat: float) -> None:
+    config, state, history = (record(new(t), t) for t in (ESTIMATE_CONFIG, ESTIMATE, LOAD_HISTORY))
+    config.friction, config.configured, config.kept, config.least, config.probe = friction, 1.0, 0.95, 0.01, 0.02
+    start_estimate(config, state, history, 0.8, 0.0)
+    assert learn_carried(config, state, carried, 7) == (F_hat < 1.0)
+    assert (state.F_hat, state.events, state.certified) == (
+        pytest.approx(F_hat), int(F_hat < 1.0), pytest.approx(min(0.82, F_hat))
+    )  # fmt: skip
