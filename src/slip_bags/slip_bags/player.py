@@ -14,8 +14,8 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 
 from slip_bags.format import TopicInfo
 from slip_bags.reader import Bag
-from slip_bags.typedefs import message_class
 from slip_core.errors import InputError
+from slip_msgs_py.qos import message_class
 
 DEPTH: Final = 1000
 MATCH_LIMIT_S: Final = 2.0

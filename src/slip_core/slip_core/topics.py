@@ -13,6 +13,8 @@ from typing import Literal
 
 from slip_core.errors import UnknownName
 
+WORLD = "world"
+"""Frame in which poses of the object, the pads and references are."""
 Owner = Literal["bridge", "controller", "user"]
 
 

@@ -43,7 +43,7 @@ class Sender:
         self._others: dict[tuple[int, ...], CdrCodec] = {}
 
     def _codec(self, sizes: tuple[int, ...]) -> CdrCodec:
-        template = self._form.make(0, *self._form.zeros(sizes))
+        template = self._form.message(0, *([0] * size for size in sizes))
         return CdrCodec(template, self._form.fields, self._form.stamp)
 
     def encode(self, stamp_ns: int, *numbers: Sequence[float] | NDArray[Any]) -> bytes:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import re
 from collections.abc import Callable
 from typing import Any, TypeAlias
 
@@ -12,16 +13,26 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
+from slip_core.errors import InputError
 from slip_core.topics import Topic, topic
 from slip_msgs_py.node_shell import NodePart
 
 NodeLike: TypeAlias = Node | NodePart
 
 
-def message_class(type_name: str) -> type:
-    """Return the Python class of ``pkg/msg/Type``."""
-    package, _, name = type_name.split("/")
-    return getattr(importlib.import_module(f"{package}.msg"), name)
+def message_class(type_name: str) -> Any:
+    """Return the generated class of ``pkg/msg/Type``.
+
+    Raises:
+        InputError: the name is not of this form, or the type is not installed.
+    """
+    match = re.fullmatch(r"([a-zA-Z]\w*)/msg/([a-zA-Z]\w*)", type_name)
+    if match is None:
+        raise InputError("message type", got=type_name, expected="package/msg/Name, e.g. sensor_msgs/msg/JointState")
+    try:
+        return getattr(importlib.import_module(f"{match[1]}.msg"), match[2])
+    except (ImportError, AttributeError) as error:
+        raise InputError(f"message type {type_name}", got=error, expected="an installed message package") from None
 
 
 def publisher_qos(row: Topic) -> QoSProfile:

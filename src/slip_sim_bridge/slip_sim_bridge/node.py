@@ -21,6 +21,7 @@ from slip_core.files.urdf_file import read_urdf
 from slip_core.incidents import Incident
 from slip_core.stamps import split_ns
 from slip_core.timing import Window, spread
+from slip_core.topics import WORLD
 from slip_core.types import JointCommand
 from slip_msgs_py.endpoint_matching import EndpointMatching, Waiting, wait_until
 from slip_msgs_py.events import Done, Progress, Started, emit
@@ -104,7 +105,7 @@ class SlipSimBridge(GuardedNode, Node):
         self._pub_object.publish(to_msgs.string(object_urdf(common)))
         self._send_total = None
         if len(self._arms) > 1:
-            self._send_total = create_sender(self, "object/wrench", forms.wrench(to_msgs.WORLD))
+            self._send_total = create_sender(self, "object/wrench", forms.wrench(WORLD))
         self._commands: list[JointCommand | None] = [None] * len(self._arms)
         self._answers, self._grips = [0] * len(self._arms), [0] * len(self._arms)
         create_subscription(self, "controller/ready", self._on_ready, depth=1, reliable=True)

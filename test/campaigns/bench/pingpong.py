@@ -52,10 +52,10 @@ QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 
 def sender(node: Node, name: str, kind: Any, form: forms.Form) -> Callable[[int], None]:
     """Return a function that publishes this form with a tick as its stamp or first number."""
-    publisher, numbers = node.create_publisher(kind, name, QOS), form.zeros()
+    publisher, numbers = node.create_publisher(kind, name, QOS), [[0] * size for size in form.sizes]
     if form.stamp:
-        return lambda tick: publisher.publish(form.make(tick, *numbers))
-    return lambda tick: publisher.publish(form.make(0, [tick, *numbers[0][1:].tolist()]))
+        return lambda tick: publisher.publish(form.message(tick, *numbers))
+    return lambda tick: publisher.publish(form.message(0, [tick, *numbers[0][1:]]))
 
 
 def subscribe(node: Node, name: str, kind: Any, form: forms.Form, deliver: Callable[[int], None]) -> Any:

@@ -14,7 +14,7 @@ from slip_core.errors import InputError
 from slip_core.topics import topic
 from slip_core.types import WrenchSample
 from slip_msgs_py.fast_io import Receiver
-from slip_msgs_py.messages import from_msgs, to_msgs
+from slip_msgs_py.messages import forms, from_msgs, to_msgs
 from slip_msgs_py.qos import message_class
 from test.campaigns.faults.plan import EFFORT, JOINT, SLIP, WRENCH
 
@@ -52,13 +52,17 @@ class Wire:
     def message(self, sample: Any) -> Any:
         """Return the typed message of a sample."""
         if self.name == JOINT:
-            return to_msgs.joint_state(sample.stamp_ns, self._joints, sample.position, sample.velocity, sample.effort)
+            return forms.joint_state(self._joints).message(
+                sample.stamp_ns, sample.position, sample.velocity, sample.effort
+            )
         if self.name == EFFORT:
-            fields = {"position": (), "velocity": (), "effort": ()} | {self._interface: sample.numbers}
-            return to_msgs.joint_state(sample.stamp_ns, self._joints, **fields)
+            numbers = [
+                sample.numbers if self._interface == field else () for field in ("position", "velocity", "effort")
+            ]
+            return forms.joint_state(self._joints).message(sample.stamp_ns, *numbers)
         if self.name == WRENCH:
-            return to_msgs.wrench_stamped(sample.stamp_ns, sample.wrench, self._frame)
-        return to_msgs.twist_stamped(sample.stamp_ns, to_msgs.slip_numbers(sample), self._frame)
+            return forms.wrench(self._frame).message(sample.stamp_ns, sample.wrench)
+        return forms.twist(self._frame).message(sample.stamp_ns, to_msgs.slip_numbers(sample))
 
     def receive(self, data: bytes) -> Any | None:
         """Return the sample that the node makes of bytes, None where it refuses them."""

@@ -10,7 +10,7 @@ import std_msgs
 from rosbags.typesys import get_types_from_msg
 from rosbags.typesys.store import Typestore
 
-from slip_bags.typedefs import dependencies, find_definition
+from slip_bags.typedefs import find_definition
 from slip_core.errors import InputError
 
 SHARE = next(parent / "share" for parent in Path(std_msgs.__file__).parents if (parent / "share/std_msgs").is_dir())
@@ -31,11 +31,6 @@ def test_order_is_depth_first_and_sorted_with_each_type_once():
     root = (SHARE / "geometry_msgs/msg/PoseStamped.msg").read_text()
     assert text.startswith(f"{root}\n{LINE}\nMSG: geometry_msgs/Pose\n")
     assert text.count(LINE) == 5
-
-
-def test_dependencies_are_found_in_every_form_of_field():
-    text = "string a\nint32 X=3\nHeader[] h\nother/Type[<=3] b # other/No\n  Point[2] p 7\nuint8[4] c\nstring<=5 s\n"
-    assert dependencies(text, "pkg") == ["other/Type", "pkg/Header", "pkg/Point"]
 
 
 @pytest.mark.parametrize("type_name", INSTALLED)

@@ -7,12 +7,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import TwistStamped, WrenchStamped
+from geometry_msgs.msg import Point, Pose, Quaternion, Twist, TwistStamped, Vector3, WrenchStamped
 from hypothesis import given
 from hypothesis import strategies as st
+from nav_msgs.msg import Odometry
 from rclpy.serialization import deserialize_message, serialize_message
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Header
+from std_msgs.msg import Float64, Header, Int64MultiArray
 
 from slip_core.errors import InputError
 from slip_core.types import JointSample, ObjectTruth, SlipSample, WrenchSample
@@ -73,8 +75,24 @@ def test_what_is_sent_decodes_to_the_typed_message(case: tuple[forms.Form, tuple
     sender = Sender(wire, form)
     sender.send(STAMP_NS, *numbers)
     assert sender.publisher is wire  # a node waits for its publishers before it ends
-    typed = form.make(STAMP_NS, *numbers)
+    typed = form.message(STAMP_NS, *numbers)
     assert deserialize_message(wire.sent[0], type(typed)) == typed
+
+
+def test_a_typed_message_is_what_its_form_describes() -> None:
+    stamp, ones = to_msgs.header(STAMP_NS, "").stamp, {"x": 1.0, "y": 2.0, "z": 3.0}
+    twos = {"x": 4.0, "y": 5.0, "z": 6.0}
+    six = Twist(linear=Vector3(**ones), angular=Vector3(**twos))
+    place = Pose(position=Point(**ones), orientation=Quaternion(**twos, w=7.0))
+    odometry = Odometry(header=Header(stamp=stamp, frame_id="world"), child_frame_id="object")
+    odometry.pose.pose, odometry.twist.twist = place, six
+    seven = np.arange(1.0, 8.0)
+    assert forms.odometry().message(STAMP_NS, seven, seven[:6]) == odometry
+    assert forms.clock().message(STAMP_NS) == Clock(clock=stamp)
+    assert forms.whole_numbers(2).message(0, (1, -5)) == Int64MultiArray(data=[1, -5])
+    assert forms.number().message(0, (2.5,)) == Float64(data=2.5)
+    named = JointState(header=Header(stamp=stamp), name=["a", "b"], position=[1.0, 2.0])
+    assert forms.scalars(("a", "b")).message(STAMP_NS, (1.0, 2.0)) == named
 
 
 def test_an_invalid_slip_sample_is_sent_as_nan_and_arrives_invalid() -> None:

@@ -16,7 +16,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from slip_core.errors import InputError
 from slip_core.topics import topic
 from slip_core.types import JointSample, SlipSample, WrenchSample
-from slip_msgs_py.messages import from_msgs, to_msgs
+from slip_msgs_py.messages import forms, from_msgs
 from slip_msgs_py.qos import message_class
 from slip_vic_controller.safety.effort_limiter import LONGEST_STEP_S, RESTART_AFTER_S
 from slip_vic_controller.safety.modes import Request
@@ -44,11 +44,11 @@ def good_bytes(name: str) -> bytes:
     seven, six = np.linspace(-1.0, 1.0, 7), np.linspace(-1.0, 1.0, 6)
     message: Any
     if name in (JOINT, EFFORT):
-        message = to_msgs.joint_state(NS, JOINTS, seven, seven, seven)
+        message = forms.joint_state(JOINTS).message(NS, seven, seven, seven)
     elif name == WRENCH:
-        message = to_msgs.wrench_stamped(NS, six, FRAME)
+        message = forms.wrench(FRAME).message(NS, six)
     else:
-        message = to_msgs.twist_stamped(NS, six, FRAME)
+        message = forms.twist(FRAME).message(NS, six)
     data: bytes = serialize_message(message)
     return data
 

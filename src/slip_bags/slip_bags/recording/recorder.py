@@ -25,10 +25,11 @@ from slip_bags.provenance import provenance
 from slip_bags.recording import QUEUE_DEPTH
 from slip_bags.recording.loss_counter import LossCounter
 from slip_bags.recording.raw_subscription import Arrival, RawSubscription, recording_qos
-from slip_bags.typedefs import find_definition, message_class
+from slip_bags.typedefs import find_definition
 from slip_bags.writer import BagWriter, StorageError
 from slip_core.errors import InputError
 from slip_msgs_py import events
+from slip_msgs_py.qos import message_class
 
 POLL_S: Final = 0.02  # between two polls
 DISCOVERY_S: Final = 0.1  # between two discoveries, once every requested topic is found

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import re
 import struct
-from collections.abc import Callable, Sequence
+from array import array
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
 from typing import Any, Final
@@ -20,10 +21,9 @@ from numpy.typing import NDArray
 from rclpy.serialization import deserialize_message, serialize_message
 
 from slip_core.stamps import NS_PER_S
-from slip_msgs_py.messages.layout import Layout, Schema
+from slip_msgs_py.messages.layout import HEADER_BYTES, Layout, layout_of
 
-_HEADER_BYTES: Final = 4
-_KINDS: Final = {"f8": "d", "i8": "q"}
+_KINDS: Final = {"double": "d", "int64": "q"}
 _DTYPES: Final = {"d": np.dtype("<f8"), "q": np.dtype("<i8")}
 _STAMP: Final = struct.Struct("<iI")
 _frombuffer = np.frombuffer
@@ -42,10 +42,9 @@ class NumberBlock:
 
 def laid_out(message: object) -> tuple[bytes, Layout]:
     """Return a typed message in CDR, with zeros as padding, and where its fields lie."""
-    data = serialize_message(message)
-    layout = Schema.of_class(type(message)).layout(data)
-    template = bytearray(data[: layout.length])
-    for at in layout.padding():
+    layout = layout_of(message)
+    template = bytearray(serialize_message(message)[: layout.length])
+    for at in layout.padding:
         template[at] = 0
     return bytes(template), layout
 
@@ -59,13 +58,11 @@ def block_under(layout: Layout, path: str) -> NumberBlock:
     found = [leaf for leaf in layout.leaves if re.match(rf"{re.escape(path)}([.\[]|$)", leaf.path)]
     if not found:
         raise ValueError(f"{path}: not numbers")
-    first, counts = found[0], [1 if leaf.count is None else leaf.count for leaf in found]
-    side_by_side = found[-1].offset + counts[-1] * first.size == first.offset + sum(counts) * first.size
-    if any(leaf.dtype != first.dtype for leaf in found) or not side_by_side:
-        raise ValueError(f"{path}: its numbers are not one block of one kind")
-    if first.dtype not in _KINDS:
-        raise ValueError(f"{path}: only float64 and int64 numbers can vary")
-    return NumberBlock(path, _KINDS[first.dtype], first.offset, sum(counts))
+    first, total = found[0], sum(leaf.count for leaf in found)
+    side_by_side = found[-1].offset + 8 * found[-1].count == first.offset + 8 * total
+    if first.kind not in _KINDS or any(leaf.kind != first.kind for leaf in found) or not side_by_side:
+        raise ValueError(f"{path}: its numbers are not one block of float64 or int64")
+    return NumberBlock(path, _KINDS[first.kind], first.offset, total)
 
 
 class CdrCodec:
@@ -100,12 +97,12 @@ class CdrCodec:
             raise ValueError(f"{', '.join(fields)}: not in the order of the message")
         self._fixed = _pieces(data, spans)
         self._mask = bytearray(b"\xff" * self.size)
-        padding = layout.padding()
+        padding = layout.padding
         for at in (*padding, *(at for start, length in spans for at in range(start, start + length))):
             self._mask[at] = 0
         self._masked = _masked(data, self._mask)
         self._starts = [
-            (_DTYPES[block.kind], block.count, block.offset - _HEADER_BYTES if block.count else 0)
+            (_DTYPES[block.kind], block.count, block.offset - HEADER_BYTES if block.count else 0)
             for block in self._blocks
         ]
         self.encode = self._encoder()
@@ -166,7 +163,7 @@ class CdrCodec:
             if nanosec >= NS_PER_S:
                 return None
             stamp_ns = sec * NS_PER_S + nanosec
-        body = data[_HEADER_BYTES:]  # a copy in which numbers are aligned as CDR aligns them
+        body = data[HEADER_BYTES:]  # a copy in which numbers are aligned as CDR aligns them
         return stamp_ns, [_frombuffer(body, dtype, count, start) for dtype, count, start in self._starts]
 
     def _prove(self, template: object, padding: Sequence[int]) -> None:
@@ -212,3 +209,20 @@ def _numbers_of(value: Any) -> list[Any]:
     if hasattr(value, "get_fields_and_field_types"):
         return [number for name in value.get_fields_and_field_types() for number in _numbers_of(getattr(value, name))]
     return [value] if isinstance(value, int | float) else list(value)
+
+
+def put_numbers(message: object, path: str, values: Iterable[Any]) -> None:
+    """Write numbers to `path` of a typed message, in the order of its fields; a sequence takes all that are left."""
+    owner, _, name = path.rpartition(".")
+    _put(attrgetter(owner)(message) if owner else message, name, iter(values))
+
+
+def _put(owner: Any, name: str, values: Iterator[Any]) -> None:
+    old = getattr(owner, name)
+    if hasattr(old, "get_fields_and_field_types"):
+        for field in old.get_fields_and_field_types():
+            _put(old, field, values)
+    elif isinstance(old, int | float):
+        setattr(owner, name, type(old)(next(values)))
+    else:
+        setattr(owner, name, array(old.typecode, values))

@@ -1,72 +1,79 @@
-"""The forms of the messages this suite sends each tick: a typed maker, and the numbers in it that vary."""
+"""The messages that this suite sends each tick, each described once: its type, what is constant in it, what varies."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from operator import attrgetter
+from typing import Any, Final
 
-import numpy as np
-from numpy.typing import NDArray
+from slip_core.stamps import split_ns
+from slip_core.topics import WORLD
+from slip_msgs_py.messages.cdr import put_numbers
+from slip_msgs_py.qos import message_class
 
-from slip_msgs_py.messages import to_msgs
+OBJECT: Final = "object"
+SLIP_AXES: Final = ("s_x", "s_y", "s_z", "s_rx", "s_ry", "s_rz")
 
 
 @dataclass(frozen=True, slots=True)
 class Form:
     """One form of message.
 
-    make: (stamp_ns, *numbers) -> typed message, one array of numbers per field.
-    fields, sizes: paths of the numbers, and how many each usually has.
+    type_name: ``pkg/msg/Type``.
+    fields, sizes: paths of the numbers that vary, and how many each usually has.
+    constants: by path, what is the same in all of them.
     stamp: path of the stamp; empty where the message has none.
-    whole: whether the numbers are int64 instead of float64.
     """
 
-    make: Callable[..., Any]
+    type_name: str
     fields: tuple[str, ...]
     sizes: tuple[int, ...]
+    constants: Mapping[str, Any]
     stamp: str = "header.stamp"
-    whole: bool = False
 
-    def zeros(self, sizes: tuple[int, ...] | None = None) -> list[NDArray[Any]]:
-        """Return zeros for every field, of its usual size or of the sizes given."""
-        kind = np.int64 if self.whole else np.float64
-        return [np.zeros(size, kind) for size in (self.sizes if sizes is None else sizes)]
+    def message(self, stamp_ns: int, *numbers: Iterable[Any]) -> Any:
+        """Return the typed message; one array of numbers per field."""
+        message: Any = message_class(self.type_name)()
+        for path, value in self.constants.items():
+            owner, _, name = path.rpartition(".")
+            setattr(attrgetter(owner)(message) if owner else message, name, value)
+        if self.stamp:
+            put_numbers(message, self.stamp, split_ns(stamp_ns))
+        for path, values in zip(self.fields, numbers, strict=True):
+            put_numbers(message, path, values)
+        return message
 
 
 def joint_state(names: Sequence[str]) -> Form:
     """Positions, velocities and efforts of named joints; (n,) [rad], [rad/s], [N m]."""
     fields = ("position", "velocity", "effort")
-    return Form(lambda stamp_ns, *arrays: to_msgs.joint_state(stamp_ns, names, *arrays), fields, (len(names),) * 3)
+    return Form("sensor_msgs/msg/JointState", fields, (len(names),) * 3, {"name": list(names)})
 
 
 def slip_truth() -> Form:
     """Slip displacement and velocity as six named scalars; (6,) [m, rad], [m/s, rad/s]."""
-    return Form(
-        lambda stamp_ns, *arrays: to_msgs.joint_state(stamp_ns, to_msgs.SLIP_AXES, *arrays),
-        ("position", "velocity"),
-        (6, 6),
-    )
+    return Form("sensor_msgs/msg/JointState", ("position", "velocity"), (6, 6), {"name": list(SLIP_AXES)})
 
 
 def scalars(names: Sequence[str]) -> Form:
     """Named scalars in the position field of a JointState, which plotting tools show by name."""
-    return Form(lambda stamp_ns, values: to_msgs.joint_state(stamp_ns, names, values), ("position",), (len(names),))
+    return Form("sensor_msgs/msg/JointState", ("position",), (len(names),), {"name": list(names)})
 
 
 def wrench(frame_id: str) -> Form:
     """Six numbers with the named axes of a wrench; (6,) in the axes of `frame_id`."""
-    return Form(lambda stamp_ns, six: to_msgs.wrench_stamped(stamp_ns, six, frame_id), ("wrench",), (6,))
+    return Form("geometry_msgs/msg/WrenchStamped", ("wrench",), (6,), {"header.frame_id": frame_id})
 
 
 def twist(frame_id: str) -> Form:
     """A twist; (6,) [m/s, rad/s] in the axes of `frame_id`."""
-    return Form(lambda stamp_ns, six: to_msgs.twist_stamped(stamp_ns, six, frame_id), ("twist",), (6,))
+    return Form("geometry_msgs/msg/TwistStamped", ("twist",), (6,), {"header.frame_id": frame_id})
 
 
-def pose(frame_id: str = to_msgs.WORLD) -> Form:
+def pose(frame_id: str = WORLD) -> Form:
     """A pose as position and quaternion x y z w; (7,) in `frame_id`."""
-    return Form(lambda stamp_ns, seven: to_msgs.pose_stamped(stamp_ns, seven, frame_id), ("pose",), (7,))
+    return Form("geometry_msgs/msg/PoseStamped", ("pose",), (7,), {"header.frame_id": frame_id})
 
 
 def flag() -> Form:
@@ -75,25 +82,26 @@ def flag() -> Form:
 
 
 def odometry() -> Form:
-    """The object's pose (7,) in `world` and twist (6,) in its own axes."""
-    return Form(to_msgs.odometry, ("pose.pose", "twist.twist"), (7, 6))
+    """The object's pose (7,) in `world` and twist (6,) in its own axes, as nav_msgs/Odometry defines it."""
+    frames = {"header.frame_id": WORLD, "child_frame_id": OBJECT}
+    return Form("nav_msgs/msg/Odometry", ("pose.pose", "twist.twist"), (7, 6), frames)
 
 
 def clock() -> Form:
     """Simulation time."""
-    return Form(to_msgs.clock, (), (), stamp="clock")
+    return Form("rosgraph_msgs/msg/Clock", (), (), {}, stamp="clock")
 
 
 def whole_numbers(count: int) -> Form:
     """Whole numbers without stamp."""
-    return Form(lambda _, values: to_msgs.int64_array(values), ("data",), (count,), stamp="", whole=True)
+    return Form("std_msgs/msg/Int64MultiArray", ("data",), (count,), {}, stamp="")
 
 
 def number() -> Form:
     """One number without stamp."""
-    return Form(lambda _, values: to_msgs.float64(values[0]), ("data",), (1,), stamp="")
+    return Form("std_msgs/msg/Float64", ("data",), (1,), {}, stamp="")
 
 
 def numbers(count: int) -> Form:
     """Numbers without stamp."""
-    return Form(lambda _, values: to_msgs.float64_array(values), ("data",), (count,), stamp="")
+    return Form("std_msgs/msg/Float64MultiArray", ("data",), (count,), {}, stamp="")

@@ -10,6 +10,7 @@ import numpy as np
 from slip_core.arrays import Array, matrix_from_quat_xyzw, readonly
 from slip_core.errors import InputError
 from slip_core.stamps import NS_PER_S
+from slip_core.topics import WORLD
 from slip_core.types import (
     CartesianReference,
     DisplacementSample,
@@ -29,7 +30,6 @@ if TYPE_CHECKING:  # the fields are the same, whether ROS or a bag reader decode
 
 Sample = TypeVar("Sample")
 FLAG_UP = 0.5
-WORLD = "world"
 LEAST_NORM = 1e-6
 
 

@@ -6,6 +6,7 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from slip_core.topics import WORLD
 from slip_msgs_py.fast_io import Sender, create_sender
 from slip_msgs_py.messages import forms, to_msgs
 from slip_msgs_py.node_shell import OnceEvery
@@ -54,11 +55,11 @@ class DiagnosticsPublisher:
         self._name = node.get_fully_qualified_name().removeprefix("/")
         self._scalars: Sender | None = None
         self._scalars_publisher = create_publisher(node, "controller/scalars")
-        self._stiffness = create_sender(node, "controller/stiffness", forms.wrench(to_msgs.WORLD))
-        self._damping = create_sender(node, "controller/damping", forms.wrench(to_msgs.WORLD))
+        self._stiffness = create_sender(node, "controller/stiffness", forms.wrench(WORLD))
+        self._damping = create_sender(node, "controller/damping", forms.wrench(WORLD))
         self._ee_pose = create_sender(node, "controller/ee_pose", forms.pose())
         self._reference_pose = create_sender(node, "controller/reference_pose", forms.pose())
-        self._reference_twist = create_sender(node, "controller/reference_twist", forms.twist(to_msgs.WORLD))
+        self._reference_twist = create_sender(node, "controller/reference_twist", forms.twist(WORLD))
         self._joints = (
             [create_sender(node, "controller/joint_estimate", forms.joint_state(estimated))] if estimated else []
         )
