@@ -24,7 +24,6 @@ setup(
         "numpy",
         "pandas",
         "pyyaml",
-        "rich",
         "zstandard",
     ],
     extras_require={"test": ["pytest"]},

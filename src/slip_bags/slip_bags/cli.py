@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import datetime
 import errno
-import json
 import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import click
 
-from slip_bags.recording import QUEUE_DEPTH
 from slip_core.errors import InputError, SlipVicError
 from slip_msgs_py import events
 from slip_msgs_py.environment import is_of_ros, no_ros
@@ -29,26 +26,14 @@ def bag() -> None:
 
 @bag.command()
 @_BAG
-@click.option("--json", "as_json", is_flag=True, help="as JSON")
-@click.option("--attachment", metavar="NAME", help="write this attached file to stdout and nothing else")
-def info(bag_path: Path, as_json: bool, attachment: str | None) -> None:
+def info(bag_path: Path) -> None:
     """Show the contents of a bag: topics, types, QoS, rates, losses, attachments, custom data."""
-    from slip_bags.info import bag_report, print_report
+    from slip_bags.info import report
     from slip_bags.reader import Bag
-    from slip_core.errors import nearest
 
     with Bag(bag_path) as opened:
-        if attachment is not None:
-            if attachment not in opened.attachments:
-                expected = nearest(attachment, opened.attachments)
-                raise InputError(f"attachment {attachment}", got="no such attachment", expected=expected)
-            sys.stdout.buffer.write(opened.attachments[attachment])
-            return
-        report = bag_report(opened)
-    if as_json:
-        click.echo(json.dumps(report, indent=2))
-    else:
-        print_report(report)
+        for line in report(opened):
+            click.echo(line)
 
 
 @bag.command()
@@ -59,19 +44,13 @@ def recover(bag_path: Path, output: Path | None) -> None:
     from slip_bags.recover import recover as run_recover
 
     target = output or bag_path.with_name(f"{bag_path.stem if bag_path.is_file() else bag_path.name}_recovered")
-    found = run_recover(bag_path, target)
-    click.echo(f"{target}: {found.messages} messages on {found.topics} topics")
-    if found.chunks_dropped or found.cut_files:
-        cut = f", files without an end: {', '.join(found.cut_files)}" if found.cut_files else ""
-        click.echo(f"not readable: {found.chunks_dropped} damaged chunks{cut}")
+    click.echo(f"{target}: {run_recover(bag_path, target)}")
 
 
 @bag.command()
 @click.argument("topics", nargs=-1)
 @click.option("-o", "--out", "--output", "output", type=_FOLDER, help="new folder; default rosbag2_<date>-<time>")
 @click.option("-a", "--all", "everything", is_flag=True, help="every topic that appears, except hidden ones")
-@click.option("--duration", "duration_s", type=click.FloatRange(0.0), default=0.0, help="end after so many seconds")
-@click.option("--queue-depth", type=click.IntRange(1), default=QUEUE_DEPTH, show_default=True, help="per topic")
 @click.option("--attach", multiple=True, metavar="NAME=FILE", help="store a file in the bag")
 @click.option("--custom-data", multiple=True, metavar="KEY=VALUE", help="store a text in metadata.yaml")
 @click.option("--namespace", default="/", show_default=True, help="of the recorder's node and of relative names")
@@ -79,10 +58,10 @@ def record(
     *,
     topics: tuple[str, ...],
     output: Path | None,
+    everything: bool,
     attach: tuple[str, ...],
     custom_data: tuple[str, ...],
     namespace: str,
-    **others: Any,
 ) -> None:
     """Record topics until Ctrl-C; QoS follows the publishers, topics may appear late."""
     from slip_bags.recording.recorder import record as run_recorder
@@ -90,20 +69,25 @@ def record(
     from slip_msgs_py.stop_flag import StopFlag
 
     try:
-        if not (topics or others["everything"]):
+        if not (topics or everything):
             raise InputError("bag record", got="no topics", expected="topic names or --all")
         texts, files = _pairs("--custom-data", custom_data), _read_attachments(attach)
         folder = output or Path(f"rosbag2_{datetime.datetime.now():%Y_%m_%d-%H_%M_%S}")
         with StopFlag() as stop, ros_node("recorder", namespace) as node:
             if not events.wanted():
                 click.echo(f"recording into {folder}; Ctrl-C ends", err=True)
-            summary = run_recorder(node, folder, topics, stop, custom_data=texts, attachments=files, **others)
+            summary = run_recorder(
+                node, folder, topics, stop, everything=everything, custom_data=texts, attachments=files
+            )
     except SlipVicError as error:
         events.emit(events.Failed(str(error)))
         raise
     events.emit(events.Done(summary))
     if not events.wanted():
-        _print_summary(summary)
+        for name, topic in summary["topics"].items():
+            lost = "an unknown number" if topic["lost"] is None else topic["lost"]
+            click.echo(f"{name}: {topic['messages']} messages, {lost} lost")
+        click.echo(f"{folder}: {summary['messages']} messages, {summary['lost']} lost")
 
 
 @bag.command()
@@ -124,16 +108,6 @@ def play(*, bag_path: Path, rate: float, loop: bool, topics: tuple[str, ...]) ->
     with Bag(bag_path) as opened, StopFlag() as stop, ros_node("player") as node:
         played = run_player(node, opened, topics, rate=rate, loop=loop, stop=stop, warn=warn)
         click.echo(f"{'stopped: ' if stop() else ''}{played} messages")
-
-
-def _print_summary(summary: dict[str, Any]) -> None:
-    for name, topic in summary["topics"].items():
-        lost = "an unknown number" if topic["lost"] is None else topic["lost"]
-        missed = topic["missed_at_start"]
-        click.echo(f"{name}: {topic['messages']} messages, {lost} lost, {missed} before the recorder started")
-    for name in summary["never_published"]:
-        click.echo(f"never published: {name}")
-    click.echo(f"{summary['bag']}: {summary['messages']} messages, {summary['lost']} lost")
 
 
 def _pairs(option: str, texts: Sequence[str]) -> dict[str, str]:

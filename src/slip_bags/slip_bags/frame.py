@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from slip_bags.reader import Bag
@@ -17,7 +15,7 @@ def dataframe(bag: Bag, topic: str) -> pd.DataFrame:
 
     An array field becomes one column per element: ``position[0]``, or ``position.<name>`` where the message has
     a constant ``name`` array of the same length, as joint states do. Where a field's length varies, and in arrays of
-    messages, its cells are JSON text.
+    messages, its cells are arrays and lists.
 
     Raises:
         InputError: no such topic, or data that cannot be decoded.
@@ -34,8 +32,6 @@ def dataframe(bag: Bag, topic: str) -> pd.DataFrame:
             labels = names if len(names) == values.shape[1] and field != "name" else None
             for index, column in enumerate(values.T):
                 columns[f"{field}.{labels[index]}" if labels else f"{field}[{index}]"] = column
-        elif values.dtype == object and not isinstance(values[0], str):
-            columns[field] = [json.dumps(value, default=_plain) for value in values]
         else:
             columns[field] = values
     return pd.DataFrame(columns)
@@ -47,11 +43,3 @@ def _constant_names(series: Series) -> list[str]:
         return []
     labels = [str(name) for name in names[0]]
     return labels if len(set(labels)) == len(labels) else []
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    if isinstance(value, bytes):
-        return list(value)
-    return {name: getattr(value, name) for name in value.__slots__}

@@ -4,88 +4,45 @@ from __future__ import annotations
 
 import datetime
 import json
-from typing import Any
-
-from rich.console import Console
-from rich.table import Table
-from rich.text import Text
+from collections.abc import Iterator
 
 from slip_bags.reader import Bag
 
 
-def bag_report(bag: Bag) -> dict[str, Any]:
-    """Return what the index of a bag states; `lost` is what the recorder counted, None where that is unknown.
+def report(bag: Bag) -> Iterator[str]:
+    """Yield what the index of a bag states, as lines of text.
 
     Raises:
         InputError: damaged metadata or attachments.
     """
-    span = bag.span_ns
-    duration_s = (span[1] - span[0]) * 1e-9 if span else 0.0
-    lost = _recorded_losses(bag)
-    return {
-        "path": str(bag.path),
-        "file": bag.file.name,
-        "size_bytes": bag.size_bytes,
-        "compression": ", ".join(name or "none" for name in bag.compressions) or "none",
-        "start_ns": span[0] if span else None,
-        "duration_s": duration_s,
-        "message_count": bag.message_count,
-        "topics": [
-            {
-                "name": name,
-                "type_name": topic.type_name,
-                "message_count": topic.message_count,
-                "rate_hz": topic.message_count / duration_s if duration_s > 0.0 else None,
-                "lost": lost.get(name),
-                "qos": sorted({f"{qos.reliability}, {qos.durability}" for qos in topic.qos}),
-            }
-            for name, topic in bag.topics.items()
-        ],
-        "attachments": {name: len(data) for name, data in bag.attachments.items()},
-        "custom_data": dict(bag.custom_data),
-    }
-
-
-def print_report(report: dict[str, Any]) -> None:
-    """Print a report as text and a table."""
-    head = Table.grid(padding=(0, 2))
-    head.add_row("bag", printable(report["path"]))
-    head.add_row("file", printable(report["file"]))
-    head.add_row("size", printable(f"{report['size_bytes'] / 2**20:.2f} MiB, compression {report['compression']}"))
-    head.add_row("messages", f"{report['message_count']} in {report['duration_s']:.3f} s")
-    if report["start_ns"] is not None:
-        start = datetime.datetime.fromtimestamp(report["start_ns"] // 10**9, datetime.UTC)
-        head.add_row("start", f"{start:%Y-%m-%d %H:%M:%S} UTC")
-    if report["attachments"]:
-        listed = (f"{name} ({size} B)" for name, size in report["attachments"].items())
-        head.add_row("attachments", printable(", ".join(listed)))
-    for key, value in report["custom_data"].items():
+    start_ns, end_ns = bag.span_ns or (0, 0)
+    duration_s = 1e-9 * (end_ns - start_ns)
+    yield printable(f"bag {bag.path}: {bag.file.name}, {bag.size_bytes / 2**20:.2f} MiB")
+    start = datetime.datetime.fromtimestamp(start_ns // 10**9, datetime.UTC)
+    since = f" from {start:%Y-%m-%d %H:%M:%S} UTC" if bag.span_ns else ""
+    yield f"{bag.message_count} messages in {duration_s:.3f} s{since}"
+    for name, data in bag.attachments.items():
+        yield printable(f"attachment {name}, {len(data)} B")
+    for key, value in bag.custom_data.items():
         if key != "recorder":
-            head.add_row(printable(key), printable(value))
-    table = Table(box=None, pad_edge=False)
-    for column in ("topic", "type", "QoS"):
-        table.add_column(column, overflow="fold")
-    for column in ("messages", "Hz", "lost"):
-        table.add_column(column, justify="right")
-    for topic in report["topics"]:
-        rate = "-" if topic["rate_hz"] is None else f"{topic['rate_hz']:.2f}"
-        lost = "-" if topic["lost"] is None else str(topic["lost"])
-        texts = (printable(text) for text in (topic["name"], topic["type_name"], "; ".join(topic["qos"])))
-        table.add_row(*texts, str(topic["message_count"]), rate, lost)
-    console = Console()
-    console.print(head)
-    console.print()
-    console.print(table)
+            yield printable(f"{key}: {value}")
+    lost = recorded_losses(bag)
+    for name, topic in bag.topics.items():
+        rate = f"{topic.message_count / duration_s:.2f} Hz" if duration_s > 0.0 else "no rate"
+        qos = "; ".join(sorted({f"{each.reliability}, {each.durability}" for each in topic.qos})) or "no QoS"
+        missing = f"{lost[name]} lost" if name in lost else "losses unknown"
+        yield printable(f"{name} [{topic.type_name}]: {topic.message_count} messages, {rate}, {missing}, {qos}")
 
 
-def printable(text: str) -> Text:
-    """Return a text from a file without control characters and markup: each is shown as its escape sequence."""
-    return Text("".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in text))
-
-
-def _recorded_losses(bag: Bag) -> dict[str, int | None]:
+def recorded_losses(bag: Bag) -> dict[str, int]:
+    """Return how many messages of a topic the recorder knows to be lost; topics where it knows it."""
     try:
         topics = json.loads(bag.custom_data.get("recorder", "{}"))["topics"]
         return {name: int(item["lost"]) for name, item in topics.items() if item["lost"] is not None}
     except (ValueError, AttributeError, TypeError, KeyError):
         return {}
+
+
+def printable(text: str) -> str:
+    """Return a text from a file without control characters: each is shown as its escape sequence."""
+    return "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in text)

@@ -5,11 +5,8 @@ A size that a file declares is checked before memory is taken for it: `mcap` its
 
 from __future__ import annotations
 
-import stat
+import dataclasses
 import struct
-import zlib
-from collections.abc import Iterator
-from io import BytesIO
 from pathlib import Path
 from typing import IO, Final
 
@@ -17,8 +14,7 @@ import lz4.frame
 import zstandard
 from mcap.exceptions import McapError
 from mcap.records import Channel, Chunk, McapRecord
-from mcap.stream_reader import StreamReader
-from mcap.writer import MCAP0_MAGIC
+from mcap.stream_reader import breakup_chunk
 
 from slip_bags.format import TopicInfo, parse_qos
 from slip_core.errors import InputError
@@ -44,7 +40,7 @@ def open_file(path: Path) -> IO[bytes]:
         InputError: not readable, or not a regular file.
     """
     try:
-        if not stat.S_ISREG(path.stat().st_mode):
+        if path.exists() and not path.is_file():
             raise InputError(f"file {path}", got="no regular file", expected="a readable file")
         return open(path, "rb")
     except OSError as error:
@@ -66,36 +62,12 @@ def mcap_files(path: Path) -> list[Path]:
     return files
 
 
-def open_mcap(path: Path) -> IO[bytes]:
-    """Open a file that begins as MCAP.
-
-    Raises:
-        InputError: not readable, empty, or another kind of file.
-    """
-    file = open_file(path)
-    head = file.read(len(MCAP0_MAGIC))
-    if head != MCAP0_MAGIC:
-        file.close()
-        got = "something else" if head else "an empty file"
-        raise InputError(f"bag file {path}", got=got, expected="an MCAP file")
-    file.seek(0)
-    return file
-
-
-def chunk_records(chunk: Chunk) -> Iterator[McapRecord]:
-    """Yield the records in a chunk.
+def chunk_records(chunk: Chunk) -> list[McapRecord]:
+    """Return the records in a chunk.
 
     Raises:
         one of `DAMAGE`: cut, larger than declared, of unknown compression, or with a wrong CRC.
     """
-    content = _content(chunk)
-    stream = BytesIO(content)
-    records = StreamReader(stream, skip_magic=True).records
-    while stream.tell() < len(content):
-        yield next(records)
-
-
-def _content(chunk: Chunk) -> bytes:
     size = chunk.uncompressed_size
     if size > MAX_BYTES:
         raise DamagedError(f"chunk of {size} bytes, more than {MAX_BYTES}")
@@ -110,9 +82,7 @@ def _content(chunk: Chunk) -> bytes:
         raise DamagedError(f"unknown compression {chunk.compression!r}")
     if len(content) != size:
         raise DamagedError(f"chunk declares {size} bytes and holds {'more' if len(content) > size else len(content)}")
-    if chunk.uncompressed_crc not in (0, zlib.crc32(content)):
-        raise DamagedError("a chunk's CRC is wrong")
-    return content
+    return breakup_chunk(dataclasses.replace(chunk, compression="", data=content), validate_crc=True)
 
 
 def topic_info(channel: Channel, type_name: str, count: int = 0) -> TopicInfo:

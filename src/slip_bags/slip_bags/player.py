@@ -10,12 +10,12 @@ from typing import Final
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile
 
 from slip_bags.format import TopicInfo
 from slip_bags.reader import Bag
 from slip_core.errors import InputError
-from slip_msgs_py.qos import message_class
+from slip_msgs_py.qos import message_class, profile
 
 DEPTH: Final = 1000
 MATCH_LIMIT_S: Final = 2.0
@@ -90,11 +90,6 @@ def _wait_matched(publishers: dict[str, Publisher], stop: Callable[[], bool]) ->
 
 def playing_qos(topic: TopicInfo) -> QoSProfile:
     """Return what the publishers offered where they agree, else reliable and volatile."""
-    offers = {(qos.reliability, qos.durability) for qos in topic.qos}
+    offers = {(each.reliability, each.durability) for each in topic.qos}
     reliability, durability = offers.pop() if len(offers) == 1 else ("reliable", "volatile")
-    return QoSProfile(
-        history=HistoryPolicy.KEEP_LAST,
-        depth=DEPTH,
-        reliability=ReliabilityPolicy.BEST_EFFORT if reliability == "best_effort" else ReliabilityPolicy.RELIABLE,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL if durability == "transient_local" else DurabilityPolicy.VOLATILE,
-    )
+    return profile(DEPTH, reliable=reliability != "best_effort", latched=durability == "transient_local")

@@ -12,11 +12,12 @@ Topics may be given without the leading slash.
 from __future__ import annotations
 
 import functools
-import heapq
 import itertools
 import os
+from bisect import bisect_left
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import replace
+from operator import attrgetter
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
@@ -35,7 +36,7 @@ from slip_bags.mcap_file import (
     DamagedError,
     chunk_records,
     mcap_files,
-    open_mcap,
+    open_file,
     topic_info,
 )
 from slip_bags.series import Series
@@ -74,7 +75,6 @@ class Bag:
         topics: by name, sorted.
         span_ns: first and last log time [ns], None without messages.
         size_bytes: size of the file.
-        compressions: of the chunks, sorted; "" is none.
 
     Raises:
         InputError: no bag, a bag of another storage, cut or damaged; with what to do about it.
@@ -86,14 +86,15 @@ class Bag:
         if others:
             fix = f"`slip-vic bag recover {self.path}` joins them"
             raise InputError(f"bag {self.path}", got=f"{1 + len(others)} files", expected="one MCAP file", fix=fix)
-        self._file = open_mcap(self.file)
+        self._file = open_file(self.file)
         try:
             self.size_bytes = os.fstat(self._file.fileno()).st_size
             self._reader = SeekingReader(self._file, record_size_limit=min(self.size_bytes, MAX_BYTES))
             self._load(self._reader.get_summary())
         except DAMAGE as error:
             self.close()
-            raise self._damaged(error, "no readable end: the recorder was killed or the file is cut") from None
+            got = "no MCAP file with a readable end: the recorder was killed or the file is cut"
+            raise self._damaged(error, got) from None
 
     def _load(self, summary: Summary | None) -> None:
         if summary is None or summary.statistics is None:
@@ -113,7 +114,6 @@ class Bag:
             topics[channel.topic] = replace(known, message_count=known.message_count + counts.get(key, 0))
         self.topics: Mapping[str, TopicInfo] = MappingProxyType(dict(sorted(topics.items())))
         self.span_ns = times if total else None
-        self.compressions = sorted({chunk.compression for chunk in chunks})
         self._chunks = sorted(chunks, key=lambda one: (one.message_start_time, one.chunk_start_offset))
         self._attached_bytes = sum(index.length for index in summary.attachment_indexes)
 
@@ -135,11 +135,13 @@ class Bag:
     @functools.cached_property
     def custom_data(self) -> Mapping[str, str]:
         """The texts that the recorder stored."""
+        found: dict[str, str] = {}
         try:
-            records = [record.metadata for record in self._reader.iter_metadata() if record.name == "rosbag2"]
+            for record in self._reader.iter_metadata():
+                found = parse_custom_data(record.metadata.get("serialized_metadata", "")) or found
         except DAMAGE as error:
             raise self._damaged(error) from None
-        return MappingProxyType(parse_custom_data(records[-1].get("serialized_metadata", "")) if records else {})
+        return MappingProxyType(found)
 
     @functools.cached_property
     def attachments(self) -> Mapping[str, bytes]:
@@ -192,19 +194,17 @@ class Bag:
 
     def _stored(self) -> Iterator[RawMessage]:
         """Yield all messages by log time; those of equal times in the order of the file."""
-        waiting: list[tuple[int, int, RawMessage]] = []  # heap; the number keeps the file's order
-        number, held = itertools.count(), 0
+        waiting: list[RawMessage] = []
+        starts = [chunk.message_start_time for chunk in self._chunks]
         try:
-            for chunk in [*self._chunks, None]:
-                while waiting and (chunk is None or waiting[0][0] < chunk.message_start_time):
-                    *_, message = heapq.heappop(waiting)
-                    held -= len(message.data)
-                    yield message
-                for message in self._chunk_messages(chunk) if chunk is not None else ():
-                    held += len(message.data)
-                    if held > MAX_BYTES or len(waiting) >= MAX_MESSAGES:
-                        raise DamagedError("more messages of one time than memory may hold")
-                    heapq.heappush(waiting, (message.log_time_ns, next(number), message))
+            for chunk, following in zip(self._chunks, [*starts[1:], LATEST_NS + 1], strict=True):
+                waiting += self._chunk_messages(chunk)
+                if len(waiting) > MAX_MESSAGES or sum(len(message.data) for message in waiting) > MAX_BYTES:
+                    raise DamagedError("more messages of one time than memory may hold")
+                waiting.sort(key=attrgetter("log_time_ns"))
+                due = bisect_left(waiting, following, key=attrgetter("log_time_ns"))
+                yield from waiting[:due]
+                del waiting[:due]
         except DAMAGE as error:
             raise self._damaged(error) from None
 
@@ -256,7 +256,7 @@ class Bag:
     def _schema(self, info: TopicInfo) -> Schema:
         schema = self._schemas[info.name]
         if schema is None or info.encoding != "cdr" or schema.encoding != "ros2msg" or not schema.data:
-            got = f"{info.encoding} with {'no schema' if schema is None or not schema.data else schema.encoding}"
+            got = f"{info.encoding} with {schema.encoding if schema is not None and schema.data else 'no schema'}"
             raise InputError(f"topic {info.name}", got=got, expected="cdr with a ros2msg schema")
         return schema
 

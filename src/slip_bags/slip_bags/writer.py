@@ -22,7 +22,6 @@ from slip_core.errors import InputError, SlipVicError
 LIBRARY: Final = "slip-vic bag"
 CHUNK_BYTES: Final = 786432  # rosbag2's chunk size
 _BUFFER_BYTES: Final = 1 << 20
-_MEDIA_TYPES: Final = {".yaml": "application/yaml", ".json": "application/json", ".urdf": "application/xml"}
 
 
 class StorageError(SlipVicError):
@@ -31,6 +30,8 @@ class StorageError(SlipVicError):
 
 class BagWriter:
     """One bag being written; `close` must run for it to be whole.
+
+    Every method raises StorageError where the disk refuses.
 
     Args:
         folder: the bag; must not exist, parents are made.
@@ -48,7 +49,11 @@ class BagWriter:
     def __init__(
         self, folder: Path, custom_data: Mapping[str, str] | None = None, attachments: Mapping[str, bytes] | None = None
     ) -> None:
-        _make_folder(folder)
+        try:
+            folder.mkdir(parents=True)
+        except OSError as error:
+            fix = "choose another name or remove it"
+            raise InputError(f"bag {folder}", got=error, expected="a new folder that can be made", fix=fix) from None
         self.folder = folder
         self.custom_data = dict(custom_data or {})
         self._topics: dict[str, TopicInfo] = {}
@@ -64,8 +69,7 @@ class BagWriter:
             self._writer.start("ros2", LIBRARY)
             self._add_metadata()
             for name, data in (attachments or {}).items():
-                media_type = _MEDIA_TYPES.get(Path(name).suffix, "text/plain")
-                self._writer.add_attachment(0, 0, name, media_type, data)
+                self._writer.add_attachment(0, 0, name, "application/octet-stream", data)
             self._writer.flush()
 
     def has_topic(self, name: str) -> bool:
@@ -73,11 +77,7 @@ class BagWriter:
         return name in self._topics
 
     def add_topic(self, topic: TopicInfo, schema_text: str) -> None:
-        """Add a topic; its QoS and hash are the same in the channel and in ``metadata.yaml``.
-
-        Raises:
-            StorageError: the disk refuses, or the bag is closed.
-        """
+        """Add a topic; its QoS and hash are the same in the channel and in ``metadata.yaml``."""
         with self._reporting():
             if topic.type_name not in self._schemas:
                 schema = self._writer.register_schema(topic.type_name, "ros2msg", schema_text.encode("utf-8"))
@@ -88,11 +88,7 @@ class BagWriter:
         self._topics[topic.name] = topic
 
     def write(self, topic: str, log_time_ns: int, publish_time_ns: int, sequence: int, data: bytes) -> None:
-        """Append one CDR message.
-
-        Raises:
-            StorageError: the disk refuses, or the bag is closed.
-        """
+        """Append one CDR message."""
         with self._reporting():
             channel = self._channels[topic]
             self._writer.add_message(channel, log_time_ns, data, publish_time_ns, sequence & 0xFFFFFFFF)
@@ -101,30 +97,20 @@ class BagWriter:
         self.counts[topic] += 1
 
     def flush(self) -> None:
-        """Close the running chunk and bring it to the disk.
-
-        Raises:
-            StorageError: the disk refuses, or the bag is closed.
-        """
+        """Close the running chunk and bring it to the disk."""
         with self._reporting():
             self._writer.flush()
-            self._file.flush()
-            os.fsync(self._file.fileno())
+            self._sync()
 
     def close(self) -> None:
-        """Finish the file and write ``metadata.yaml``; further calls do nothing.
-
-        Raises:
-            StorageError: the disk refuses.
-        """
+        """Finish the file and write ``metadata.yaml``; further calls do nothing."""
         if not self._is_open:
             return
         with self._reporting():
             self._writer.flush()
             self._add_metadata()
             self._writer.finish()
-            self._file.flush()
-            os.fsync(self._file.fileno())
+            self._sync()
             self._file.close()
             temporary = self.folder / ".metadata.yaml.tmp"  # metadata.yaml is there completely or not at all
             with open(temporary, "w", encoding="utf-8") as file:
@@ -133,6 +119,10 @@ class BagWriter:
                 os.fsync(file.fileno())
             os.replace(temporary, self.folder / "metadata.yaml")
         self._is_open = False
+
+    def _sync(self) -> None:
+        self._file.flush()
+        os.fsync(self._file.fileno())
 
     def _metadata(self, *, root: bool) -> str:
         topics = [replace(topic, message_count=self.counts[name]) for name, topic in sorted(self._topics.items())]
@@ -155,14 +145,3 @@ class BagWriter:
             reason = error.strerror or error
             fix = f"`slip-vic bag recover {self.folder}` saves the messages before"
             raise StorageError(f"bag {self.folder}: {reason}; {fix}") from None
-
-
-def _make_folder(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True)
-    except FileExistsError:
-        raise InputError(
-            f"bag {folder}", got="it exists", expected="a new folder", fix="choose another name or remove it"
-        ) from None
-    except OSError as error:
-        raise InputError(f"bag {folder}", got=error, expected="a folder that can be made") from None

@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
 from slip_core.errors import InputError
@@ -35,14 +35,18 @@ def message_class(type_name: str) -> Any:
         raise InputError(f"message type {type_name}", got=error, expected="an installed message package") from None
 
 
+def profile(depth: int, *, reliable: bool, latched: bool) -> QoSProfile:
+    """Return the profile that keeps the last `depth` messages; latched: late subscribers get them too."""
+    return QoSProfile(
+        depth=depth,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+    )
+
+
 def publisher_qos(row: Topic) -> QoSProfile:
     """Return the profile a publisher of this topic offers."""
-    return QoSProfile(
-        history=HistoryPolicy.KEEP_LAST,
-        depth=1 if row.latched else row.depth,
-        reliability=ReliabilityPolicy.RELIABLE,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL if row.latched else DurabilityPolicy.VOLATILE,
-    )
+    return profile(1 if row.latched else row.depth, reliable=True, latched=row.latched)
 
 
 def subscription_qos(row: Topic, *, depth: int, reliable: bool) -> QoSProfile:
@@ -51,12 +55,7 @@ def subscription_qos(row: Topic, *, depth: int, reliable: bool) -> QoSProfile:
     `reliable` False accepts any publisher, also a real driver's best-effort sensor data; True never
     loses a message, which lockstep needs.
     """
-    return QoSProfile(
-        history=HistoryPolicy.KEEP_LAST,
-        depth=1 if row.latched else depth,
-        reliability=ReliabilityPolicy.RELIABLE if reliable or row.latched else ReliabilityPolicy.BEST_EFFORT,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL if row.latched else DurabilityPolicy.VOLATILE,
-    )
+    return profile(1 if row.latched else depth, reliable=reliable or row.latched, latched=row.latched)
 
 
 def create_publisher(node: NodeLike, name: str, *, actual_name: str | None = None, events: bool = True) -> Publisher:

@@ -13,7 +13,8 @@ import pytest
 from geometry_msgs.msg import WrenchStamped
 
 from slip_bags.reader import Bag
-from slip_bags.recording.raw_subscription import Arrival, RawSubscription, recording_qos
+from slip_bags.recording.raw_subscription import Arrival, RawSubscription
+from slip_msgs_py.qos import profile
 from test.support.bag_maker import PERIOD_NS, make_bag
 from test.support.ros import DEADLINE_S, wait_until
 
@@ -74,7 +75,7 @@ def test_chosen_topic_at_another_rate(processes, bag, tmp_path):
 
 def test_loops_until_interrupted(processes, ros_node, bag):
     heard: list[Arrival] = []
-    listener = RawSubscription(ros_node, WrenchStamped, "/b", recording_qos(2000, reliable=True, transient_local=False))
+    listener = RawSubscription(ros_node, WrenchStamped, "/b", profile(2000, reliable=True, latched=False))
     player = processes.python("player", *PLAY, bag, "--loop", "--rate", "10", "--topics", "b")
     wait_until(lambda: heard.extend(listener.drain()) or len(heard) > 2 * COUNT, "the third loop")
     assert processes.stop(player, signal.SIGINT) == 0

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from slip_bags.info import bag_report
+from slip_bags.info import report
 from slip_bags.reader import Bag
 from slip_bags.recover import recover
 from slip_core.errors import InputError
@@ -81,7 +81,7 @@ def refused(action: Callable[..., object], *arguments: object) -> InputError | N
 def use(path: Path) -> None:
     """Everything a reader does."""
     with Bag(path) as bag:
-        bag_report(bag)
+        list(report(bag))
         for topic in bag.topics:
             bag.series(topic)
             list(bag.messages(topic))

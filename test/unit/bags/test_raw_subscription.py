@@ -7,7 +7,8 @@ from types import SimpleNamespace
 
 from std_msgs.msg import String
 
-from slip_bags.recording.raw_subscription import RawSubscription, recording_qos
+from slip_bags.recording.raw_subscription import RawSubscription
+from slip_msgs_py.qos import profile
 
 
 class Reader(contextlib.nullcontext):
@@ -28,7 +29,7 @@ class Reader(contextlib.nullcontext):
 def test_messages_behind_one_that_was_sent_again_come_no_earlier():
     """A subscription that was matched late asks for number 1 when 2 and 3 have come: a bag is read in order of time."""
     node = SimpleNamespace(create_subscription=lambda *_, **__: SimpleNamespace(handle=Reader([50, 20, 30, 60])))
-    source = RawSubscription(node, String, "/x", recording_qos(10, reliable=True, transient_local=False))
+    source = RawSubscription(node, String, "/x", profile(10, reliable=True, latched=False))
     arrivals = list(source.drain())
     assert [arrival.received_ns for arrival in arrivals] == [50, 50, 50, 60]
     assert [arrival.sequence for arrival in arrivals] == [1, 2, 3, 4]

@@ -55,8 +55,7 @@ def test_killed_recorder_keeps_flushed_messages(original, tmp_path):
     found = recover(killed, tmp_path / "whole")
     assert messages(tmp_path / "whole") == messages(original)
     assert digest(killed) == before
-    assert (found.messages, found.topics, found.chunks_dropped) == (COUNT * len(TOPICS), len(TOPICS), 0)
-    assert found.cut_files == ["killed_0.mcap"]
+    assert found == f"{COUNT * len(TOPICS)} messages on {len(TOPICS)} topics, not readable: the end of killed_0.mcap"
     with Bag(tmp_path / "whole") as bag, Bag(original) as source:
         assert bag.custom_data["seed"] == "7"
         assert bag.custom_data["recovered"] == "true"
@@ -74,7 +73,7 @@ def test_cut_anywhere(original, tmp_path, seed):
     (tmp_path / "cut.mcap").write_bytes(data[:end])
     flushed = complete_chunks(data, end) * FLUSH * len(TOPICS)
     if flushed == 0:
-        with pytest.raises(InputError, match=r"no message that can be read|expected an MCAP file"):
+        with pytest.raises(InputError, match="no message that can be read"):
             recover(tmp_path / "cut.mcap", tmp_path / "out")
         assert not (tmp_path / "out").exists()
     else:
@@ -102,7 +101,7 @@ def test_damaged_chunk_costs_its_own_messages(original, tmp_path):
     first, last = chunk.message_start_time, chunk.message_end_time
     kept = [row for row in messages(original) if not first <= row.log_time_ns <= last]
     assert messages(tmp_path / "out") == kept
-    assert (found.chunks_dropped, found.cut_files) == (1, [])
+    assert found.partition(", ")[2] == "not readable: a chunk of bad.mcap"
 
 
 def test_command_names_its_output(tmp_path):

@@ -11,11 +11,10 @@ class LossCounter:
 
     A publisher numbers its messages 1, 2, 3 ..., and they are taken in the order of sending. They do not name their
     publisher, so with two at once nothing can be said and `lost` is None. What the first publisher sent before the
-    first received message is not lost but `missed_at_start`.
+    first received message is not lost.
     """
 
     received: int = 0
-    missed_at_start: int = 0
     lost: int | None = 0
     _last: int = 0
 
@@ -29,8 +28,6 @@ class LossCounter:
         self.received += 1
         if sequence == 0:
             self.lost = None
-        elif not self._last:
-            self.missed_at_start = sequence - 1
-        elif sequence > self._last and self.lost is not None:
+        elif self._last and sequence > self._last and self.lost is not None:
             self.lost += sequence - self._last - 1
         self._last = sequence  # a lower number is of the next publisher, again from 1

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile
 
 
 class Arrival(NamedTuple):
@@ -21,23 +21,13 @@ class Arrival(NamedTuple):
     data: bytes
 
 
-def recording_qos(depth: int, *, reliable: bool, transient_local: bool) -> QoSProfile:
-    """Return the QoS a recorder requests: deep, and no stronger than what every publisher offers."""
-    return QoSProfile(
-        history=HistoryPolicy.KEEP_LAST,
-        depth=depth,
-        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL if transient_local else DurabilityPolicy.VOLATILE,
-    )
-
-
 class RawSubscription:
     """Takes from the subscription handle; its node must not be added to an executor."""
 
-    def __init__(self, node: Node, message_class: type, topic: str, qos: QoSProfile) -> None:
+    def __init__(self, node: Node, message_class: type, topic: str, profile: QoSProfile) -> None:
         self._node = node
         self._class = message_class
-        self._subscription = node.create_subscription(message_class, topic, _never, qos, raw=True)
+        self._subscription = node.create_subscription(message_class, topic, lambda _: None, profile, raw=True)
         self._last_ns = 0
 
     def drain(self) -> Iterator[Arrival]:
@@ -60,7 +50,3 @@ class RawSubscription:
     def close(self) -> None:
         """Unsubscribe."""
         self._node.destroy_subscription(self._subscription)
-
-
-def _never(_: object) -> None:
-    """The callback that nothing calls."""

@@ -11,6 +11,7 @@ import shutil
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from operator import itemgetter
 from pathlib import Path
 from typing import Any, Final
@@ -22,31 +23,28 @@ from rclpy.type_hash import TypeHash
 
 from slip_bags.format import QosProfile, TopicInfo
 from slip_bags.provenance import provenance
-from slip_bags.recording import QUEUE_DEPTH
 from slip_bags.recording.loss_counter import LossCounter
-from slip_bags.recording.raw_subscription import Arrival, RawSubscription, recording_qos
+from slip_bags.recording.raw_subscription import Arrival, RawSubscription
 from slip_bags.typedefs import find_definition
 from slip_bags.writer import BagWriter, StorageError
 from slip_core.errors import InputError
 from slip_msgs_py import events
-from slip_msgs_py.qos import message_class
+from slip_msgs_py.qos import message_class, profile
 
+QUEUE_DEPTH: Final = 10_000  # messages per topic that wait for the recorder: 10 s at 1 kHz
 POLL_S: Final = 0.02  # between two polls
 DISCOVERY_S: Final = 0.1  # between two discoveries, once every requested topic is found
 FLUSH_S: Final = 1.0
 MIN_FREE_BYTES: Final = 64 << 20
-_QUIET_S: Final = 0.03  # after this time without a message none is on its way
-_LAST_S: Final = 0.5
+_LAST_S: Final = 0.1  # for what is still on its way at the end
 
 
 @dataclass(slots=True)
 class _Topic:
-    """One recorded topic: its subscription with the QoS it requests, and its publishers."""
+    """One recorded topic: its subscription, what every publisher offered when it was made, and the publishers now."""
 
-    message_class: type
     subscription: RawSubscription
-    reliable: bool
-    transient_local: bool
+    offered: tuple[bool, bool]
     publishers: int = 0
     loss: LossCounter = field(default_factory=LossCounter)
 
@@ -59,23 +57,15 @@ class Recorder:
         writer: the open bag.
         topics: names of the topics to record.
         everything: record every topic, except hidden ones (a part of the name starts with an underscore).
-        queue_depth: messages the middleware keeps per topic between two polls.
         warn: called with one line where a topic is not recorded as requested.
     """
 
     def __init__(
-        self,
-        node: Node,
-        writer: BagWriter,
-        topics: Sequence[str],
-        *,
-        everything: bool,
-        queue_depth: int,
-        warn: Callable[[str], None],
+        self, node: Node, writer: BagWriter, topics: Sequence[str], *, everything: bool, warn: Callable[[str], None]
     ) -> None:
         self._node, self._writer, self._warn = node, writer, warn
         self._named = {node.resolve_topic_name(name) for name in topics}
-        self._everything, self._depth = everything, queue_depth
+        self._everything = everything
         self._topics: dict[str, _Topic] = {}
         self._warned: set[str] = set()
         self._next_discovery = 0.0
@@ -89,8 +79,8 @@ class Recorder:
             for name in self._named
         )
 
-    def poll(self) -> int:
-        """Discover where due, drain all topics, write in order of reception; return the number written.
+    def poll(self) -> None:
+        """Discover where due, drain all topics, write in order of reception.
 
         Raises:
             StorageError: the disk refuses.
@@ -101,18 +91,19 @@ class Recorder:
             self._next_discovery = now + (DISCOVERY_S if self.ready else POLL_S)
         batch: list[tuple[int, str, Arrival]] = []
         for name, topic in self._topics.items():
-            batch += self._drain(name, topic)
-        self._write(batch)
-        return len(batch)
+            for arrival in topic.subscription.drain():
+                topic.loss.add(arrival.sequence)
+                batch.append((arrival.received_ns, name, arrival))
+        batch.sort(key=itemgetter(0))
+        for received_ns, name, arrival in batch:
+            self._writer.write(name, received_ns, arrival.sent_ns, arrival.sequence, arrival.data)
 
     def finish(self) -> dict[str, Any]:
         """Drain a last time and unsubscribe; return the summary. The bag stays open."""
-        now = time.monotonic()
-        end, quiet = now + _LAST_S, now + _QUIET_S
-        while (now := time.monotonic()) < min(quiet, end):
-            if self.poll():
-                quiet = now + _QUIET_S
-            time.sleep(_QUIET_S / 10.0)
+        end = time.monotonic() + _LAST_S
+        while time.monotonic() < end:
+            self.poll()
+            time.sleep(POLL_S)
         for topic in self._topics.values():
             topic.subscription.close()
         return self.summary()
@@ -124,34 +115,25 @@ class Recorder:
 
     def summary(self) -> dict[str, Any]:
         """Return the counters of the run, per topic and total; `lost` is None where it is unknown."""
-        topics = {
-            name: {
-                "messages": topic.loss.received,
-                "lost": topic.loss.lost,
-                "missed_at_start": topic.loss.missed_at_start,
-            }
-            for name, topic in sorted(self._topics.items())
-        }
+        counters = {name: LossCounter() for name in self._named}
+        counters |= {name: topic.loss for name, topic in self._topics.items()}
         messages, lost = self.totals()
-        return {
-            "messages": messages,
-            "lost": lost,
-            "lost_unknown": [name for name, topic in topics.items() if topic["lost"] is None],
-            "never_published": sorted(self._named - self._topics.keys()),
-            "topics": topics,
-        }
-
-    def _wants(self, name: str) -> bool:
-        return name in self._named or (self._everything and "/_" not in name)
+        each = {name: {"messages": one.received, "lost": one.lost} for name, one in sorted(counters.items())}
+        return {"messages": messages, "lost": lost, "topics": each}
 
     def _discover(self) -> None:
         for name, type_names in self._node.get_topic_names_and_types():
-            if name not in self._topics and self._wants(name):
+            wanted = name in self._named or (self._everything and "/_" not in name)
+            if wanted and name not in self._topics:
                 self._find(name, type_names)
         for name, topic in self._topics.items():
             # The number of publishers is cheap to read, their QoS is not.
             if self._node.count_publishers(name) != topic.publishers:
-                self._follow(name, topic)
+                infos = self._node.get_publishers_info_by_topic(name)
+                topic.publishers = len(infos)
+                topic.loss.see_publishers(len(infos))
+                if any(now < before for now, before in zip(_common(infos), topic.offered, strict=True)):
+                    self._warn_once(f"topic {name}: a publisher that offers a weaker QoS than the first is not heard")
 
     def _find(self, name: str, type_names: Sequence[str]) -> None:
         """Subscribe to a topic that has a publisher."""
@@ -169,38 +151,9 @@ class Recorder:
         hashes = {_hash_text(info) for info in infos}
         type_hash = hashes.pop() if len(hashes) == 1 else ""
         self._writer.add_topic(TopicInfo(name, type_names[0], tuple(map(_offer, infos)), type_hash), definition)
-        reliable, transient_local = _common(infos)
-        subscription = self._subscribe(name, kind, reliable, transient_local)
-        self._topics[name] = topic = _Topic(kind, subscription, reliable, transient_local, len(infos))
-        topic.loss.see_publishers(len(infos))
-
-    def _follow(self, name: str, topic: _Topic) -> None:
-        """Subscribe again where a publisher has joined that offers less than is requested."""
-        infos = self._node.get_publishers_info_by_topic(name)
-        topic.publishers = len(infos)
-        topic.loss.see_publishers(len(infos))
-        reliable, transient_local = _common(infos)
-        if (topic.reliable and not reliable) or (topic.transient_local and not transient_local):
-            self._warn_once(f"topic {name}: a publisher offers a weaker QoS; messages may be missing where it joined")
-            self._write(self._drain(name, topic))
-            topic.subscription.close()
-            topic.reliable, topic.transient_local = topic.reliable and reliable, False
-            topic.subscription = self._subscribe(name, topic.message_class, topic.reliable, False)
-
-    def _subscribe(self, name: str, kind: type, reliable: bool, transient_local: bool) -> RawSubscription:
-        qos = recording_qos(self._depth, reliable=reliable, transient_local=transient_local)
-        return RawSubscription(self._node, kind, name, qos)
-
-    def _drain(self, name: str, topic: _Topic) -> list[tuple[int, str, Arrival]]:
-        arrivals = list(topic.subscription.drain())
-        for arrival in arrivals:
-            topic.loss.add(arrival.sequence)
-        return [(arrival.received_ns, name, arrival) for arrival in arrivals]
-
-    def _write(self, batch: list[tuple[int, str, Arrival]]) -> None:
-        batch.sort(key=itemgetter(0))
-        for received_ns, name, arrival in batch:
-            self._writer.write(name, received_ns, arrival.sent_ns, arrival.sequence, arrival.data)
+        reliable, transient_local = offered = _common(infos)
+        requested = profile(QUEUE_DEPTH, reliable=reliable, latched=transient_local)
+        self._topics[name] = _Topic(RawSubscription(self._node, kind, name, requested), offered)
 
     def _warn_once(self, text: str) -> None:
         if text not in self._warned:
@@ -215,12 +168,10 @@ def record(
     stop: Callable[[], bool],
     *,
     everything: bool = False,
-    queue_depth: int = QUEUE_DEPTH,
-    duration_s: float = 0.0,
     custom_data: Mapping[str, str] | None = None,
     attachments: Mapping[str, bytes] | None = None,
 ) -> dict[str, Any]:
-    """Record until `stop` returns True or the duration has passed; return the summary, which the bag has too.
+    """Record until `stop` returns True; return the summary, which the bag has too.
 
     Args:
         node: a node in no executor.
@@ -228,8 +179,6 @@ def record(
         topics: names of the topics to record.
         stop: polled every `POLL_S`.
         everything: record every topic that appears.
-        queue_depth: messages per topic that wait for the recorder.
-        duration_s: 0 means no limit [s].
         custom_data: texts for ``metadata.yaml``.
         attachments: files stored in the bag, by name.
 
@@ -239,12 +188,19 @@ def record(
     """
     writer = BagWriter(output, {**provenance(), **(custom_data or {})}, attachments)
     try:
-        recorder = Recorder(
-            node, writer, topics, everything=everything, queue_depth=queue_depth,
-            warn=lambda text: events.warn("recorder", text),
-        )  # fmt: skip
-        end = time.monotonic() + duration_s if duration_s else float("inf")
-        _loop(recorder, writer, lambda: stop() or time.monotonic() >= end)
+        warn = partial(events.warn, "recorder")
+        recorder = Recorder(node, writer, topics, everything=everything, warn=warn)
+        announced, next_flush = False, time.monotonic() + FLUSH_S
+        while not stop():
+            recorder.poll()
+            if not announced and recorder.ready:
+                announced = True
+                events.emit(events.Ready())
+            if time.monotonic() >= next_flush:
+                _flush(writer)
+                next_flush = time.monotonic() + FLUSH_S
+                events.emit(events.Status(*recorder.totals()))
+            time.sleep(POLL_S)
         summary = recorder.finish()
         writer.custom_data["recorder"] = json.dumps(summary)
         return {"bag": str(output), **summary}
@@ -252,25 +208,14 @@ def record(
         writer.close()
 
 
-def _loop(recorder: Recorder, writer: BagWriter, is_over: Callable[[], bool]) -> None:
-    announced = False
-    next_flush = time.monotonic() + FLUSH_S
-    while not is_over():
-        recorder.poll()
-        if not announced and recorder.ready:
-            announced = True
-            events.emit(events.Ready())
-        if time.monotonic() >= next_flush:
-            free = shutil.disk_usage(writer.folder).free
-            if free < MIN_FREE_BYTES:
-                raise StorageError(
-                    f"bag {writer.folder}: {free >> 20} MiB left on the disk, less than {MIN_FREE_BYTES >> 20}; "
-                    "recording stopped, bag closed and readable"
-                )
-            writer.flush()
-            next_flush = time.monotonic() + FLUSH_S
-            events.emit(events.Status(*recorder.totals()))
-        time.sleep(POLL_S)
+def _flush(writer: BagWriter) -> None:
+    free = shutil.disk_usage(writer.folder).free
+    if free < MIN_FREE_BYTES:
+        raise StorageError(
+            f"bag {writer.folder}: {free >> 20} MiB left on the disk, less than {MIN_FREE_BYTES >> 20}; "
+            "recording stopped, bag closed and readable"
+        )
+    writer.flush()
 
 
 def _common(infos: Sequence[TopicEndpointInfo]) -> tuple[bool, bool]:

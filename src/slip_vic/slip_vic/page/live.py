@@ -20,11 +20,11 @@ from rclpy.parameter import parameter_value_to_python
 from rclpy.serialization import deserialize_message
 from scipy.spatial.transform import Rotation
 
-from slip_bags.recording.raw_subscription import RawSubscription, recording_qos
+from slip_bags.recording.raw_subscription import RawSubscription
 from slip_core.arrays import Array
 from slip_core.stamps import stamp_to_ns
 from slip_core.topics import TOPICS
-from slip_msgs_py.qos import message_class
+from slip_msgs_py.qos import message_class, profile
 from slip_sim_bridge.params import BridgeParams
 from slip_vic.page.audience import Audience
 from slip_vic.page.packing import Packer
@@ -51,9 +51,8 @@ class Topic:
     def __init__(self, node: Node, full: str, name: str) -> None:
         self._class, latched = message_class(TOPICS[name].type), name in LATCHED
         self.full = full
-        self._subscription = RawSubscription(
-            node, self._class, full, recording_qos(1, reliable=latched, transient_local=latched)
-        )
+        newest = profile(1, reliable=latched, latched=latched)
+        self._subscription = RawSubscription(node, self._class, full, newest)
         self.newest: Any = None
 
     def take(self) -> bool:
