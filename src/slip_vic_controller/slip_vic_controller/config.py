@@ -120,7 +120,7 @@ def make_config(params: ControllerParams, robot: Robot, *, lockstep: bool, arms:
     _copy(config, "gains", gains, config.gains.dtype)
     _fill_observer(config, params)
     _copy(config, "estimator", estimator_config(params, robot.effort_limit), ESTIMATOR_CONFIG)
-    _fill_tare(config.tare, params.tare, len(robot.joint_names))
+    _fill_tare(config.tare, params.tare, params.object.mass, len(robot.joint_names))
     safety = params.safety
     _fill_cycle(config.cycle, params, len(robot.joint_names))
     _fill_inputs(config, params, robot, lockstep=lockstep)
@@ -163,10 +163,11 @@ def use_noise(config: ControllerConfig, params: ControllerParams, effort_limit: 
     _fill_governor(config.governor, params)
 
 
-def _fill_tare(tare: TareConfig, given: TareParams, joints: int) -> None:
+def _fill_tare(tare: TareConfig, given: TareParams, mass: float, joints: int) -> None:
     tare.duration_ns, tare.joints = seconds_to_ns(given.duration_s), joints
     tare.slip_linear, tare.slip_angular = given.slip_linear, given.slip_angular
-    tare.force, tare.torque = given.force, given.torque
+    tare.force, tare.torque, tare.mass_share = given.force, given.torque, given.mass_share
+    tare.mass = mass
     tare.velocity, tare.still = MOST_VELOCITY_BIAS, STILL
 
 

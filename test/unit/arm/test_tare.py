@@ -7,6 +7,7 @@ import pytest
 
 from slip_core.records import new, record
 from slip_vic_controller.arm.tare import (
+    MOVED,
     ROUGH,
     TARE,
     TARE_CONFIG,
@@ -19,6 +20,7 @@ from slip_vic_controller.arm.tare import (
     deviation,
     judge_tare,
     measure_at_rest,
+    moved_joint,
     start_tare,
     take_biases,
 )
@@ -31,6 +33,7 @@ def bounds() -> TareConfig:
     config: TareConfig = record(new(TARE_CONFIG), TARE_CONFIG)
     config.joints, config.still, config.velocity = N, 0.01, 0.02
     config.slip_linear, config.slip_angular, config.force, config.torque = 0.02, 0.2, 0.5, 0.05
+    config.mass, config.mass_share = 0.5, 0.5
     return config
 
 
@@ -129,16 +132,32 @@ def test_bias_is_removed_noise_is_not() -> None:
 WEIGHT = np.array([0.0, 3.0, -4.0, 0.1, 0.0, 0.0])
 
 
-@pytest.mark.parametrize(("share", "accused"), [(0.4, Sensor.NONE), (-0.4, Sensor.NONE), (0.8, Sensor.WRENCH)])
-def test_wrong_mass_is_no_bias(share: float, accused: Sensor) -> None:
-    """Up to half of the weight; what is across it is a bias all the same."""
-    config, state, bias = bounds(), begun(), np.array([0.2, 0.08, 0.06, 0, 0, 0])
+@pytest.mark.parametrize(
+    ("share", "across", "accused", "says"),
+    [
+        (0.4, 1.0, Sensor.NONE, 0.0), (-0.4, 1.0, Sensor.NONE, 0.0), (0.8, 1.0, Sensor.MASS, 0.9),
+        (-2.0, 1.0, Sensor.MASS, -0.5), (0.8, 10.0, Sensor.WRENCH, 2.0),
+    ],
+)  # fmt: skip
+def test_wrong_mass_is_no_bias(share: float, across: float, accused: Sensor, says: float) -> None:
+    """Inside its share the measured mass is used, beyond it is named; force across the weight is a bias."""
+    config, state, bias = bounds(), begun(), across * np.array([0.2, 0.08, 0.06, 0, 0, 0])
     for _ in range(SAMPLES):
         add(state.wrench, share * WEIGHT + bias, 6)
     take(config, state, WEIGHT)
     assert state.sensor == accused
+    assert state.worst == pytest.approx(says)
     assert state.mass_share == pytest.approx(share if accused == Sensor.NONE else 0.0)
     np.testing.assert_allclose(state.wrench_bias, bias if accused == Sensor.NONE else 0.0, atol=1e-12)
+
+
+def test_motion_ends_the_tare() -> None:
+    config, state, q = bounds(), begun(), np.zeros(N)
+    state.watched, q[4] = 1, 1.01 * MOVED
+    assert moved_joint(config, state, 0.98 * q) == -1
+    assert moved_joint(config, state, q) == moved_joint(config, state, -q) == 4
+    state.done = 1
+    assert moved_joint(config, state, q) == -1
 
 
 def test_slow_motion_is_no_bias() -> None:

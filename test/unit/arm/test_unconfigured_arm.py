@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import Law, Scenario, load_scenario
+from slip_vic_controller.arm.tare import MOVED
 from slip_vic_controller.safety.modes import Mode, follows
 from slip_vic_controller.session.cycle_result import CycleResult
+from test.support.watched_loop import WatchedLoop
 
 TARE = "controller.tare.duration_s=0.1"
 OFFSET = [0.05, 0.17, -0.01, 0.18, 0.12, 0.12, -0.19]
@@ -55,3 +59,27 @@ def test_law_uses_tared_mass(share: float) -> None:
     assert used.mass == pytest.approx((1.0 + share) * known.mass, rel=1e-3)
     assert used.inertia[0, 0] == pytest.approx((1.0 + share) * known.inertia[0], rel=1e-3)
     assert result.mode in (Mode.ACTIVE, Mode.DEGRADED)
+
+
+def inverted(arm: Any) -> Any:
+    return arm._replace(wrenches=tuple(replace(w, wrench=-w.wrench) for w in arm.wrenches))
+
+
+@pytest.mark.parametrize(
+    ("world", "sensed", "mode", "words"),
+    [
+        ((), inverted, Mode.HOLD, "opposite sign"),
+        (("bridge.object.mass=1.0",), None, Mode.HOLD, "object.mass is 0.5, the wrench at rest says 1: set it"),
+        (("object.mass=5.0",), None, Mode.WAITING_INPUT, "holding arm and object needs"),
+    ],
+)
+def test_tare_moves_no_joint(world: tuple[str, ...], sensed: Any, mode: Mode, words: str) -> None:
+    """An inverted wrench threw the object after 1.17 s; an object of 5 kg made the arm sink by 0.6 rad."""
+    run = WatchedLoop(scenario_of("paper_planar", TARE, *world, drive="torque_joint"))
+    start, moved = run.loop.bridge.simulation.observe(0).joint.position.copy(), 0.0
+    for _ in range(600):
+        result = run.cycle(sensed)
+        moved = max(moved, float(np.abs(run.loop.bridge.simulation.observe(0).joint.position - start).max()))
+    assert words in str(result.reason)
+    assert result.mode == mode
+    assert moved < MOVED

@@ -2,7 +2,9 @@
 
 Nothing slips in HOLD, and the load of the resting object is known. So the mean of a slip sensor's samples is its bias,
 the mean of the wrench beyond the model's load is that of the wrench sensor, and the spread of all is their noise. A
-wrench that another mass of the object explains is that of another mass, and the law works with that mass.
+wrench that another mass of the object explains is that of another mass, and the law works with that mass. Until the
+tare has passed the wrench is the model's: a sensor that was not checked moves no joint, and a joint that moves all the
+same ends the tare in FAULT.
 Biases inside the configured bounds are taken out; a larger one is a reason not to begin, with the sensor's name.
 Noise that is larger than configured replaces what is configured (`arm/config.py`); that of joint velocities at once,
 from their differences, in which a slow motion cancels: HOLD with too little noise configured shakes the arm, and finds
@@ -27,8 +29,8 @@ LEAST_SAMPLES: Final = 5
 MOST_VELOCITY_BIAS, STILL = 0.02, 0.01
 """Largest bias of a joint velocity that is taken out, and mean speed of a joint, by its positions, above which the arm
 is not at rest [rad/s]."""
-MASS_SHARE: Final = 0.5
-"""Share of the resting object's weight by which its mass may be wrong: that much of a wrench is no bias."""
+MOVED: Final = 0.02
+"""Motion of a joint during a tare that ends it: by what the model of the arm, its drives or its load lacks [rad]."""
 OUTLIER: Final = 3.0
 """Distance of a slip velocity from the mean, over its bound, from which it is an outlier."""
 SIGNIFICANT: Final = 4.0
@@ -45,6 +47,7 @@ class Sensor(IntEnum):
     SLIP = 1
     WRENCH = 2
     JOINTS = 3
+    MASS = 4
 
 
 class TareConfig(Record):
@@ -56,6 +59,8 @@ class TareConfig(Record):
     slip_angular: Real  # rad/s
     force: Real  # N
     torque: Real  # N m
+    mass: Real  # kg, of the object
+    mass_share: Real  # of it by which it may be wrong
     velocity: Real  # rad/s, of a joint
     still: Real  # rad/s, of a joint; above it the arm is not at rest
 
@@ -71,6 +76,8 @@ class Mean(Record):
 class Tare(Record):
     """What was measured at rest."""
 
+    watched: Whole  # whether a tare runs
+    watched_from: Joints  # rad, when it started
     begun_ns: Whole  # stamp of the first joint state at rest; NEVER before
     done: Whole
     position: Joints  # rad, then
@@ -89,8 +96,8 @@ class Tare(Record):
     wrench_bias: Vec6  # N, N m {ee}
     velocity_bias: Joints  # rad/s
     sensor: Whole  # Sensor that is out of bounds
-    worst: Real  # m/s, rad/s, N or N m; its bias
-    bound: Real
+    worst: Real  # m/s, rad/s, N or N m, its bias; kg where it is the mass
+    bound: Real  # kg: the configured mass
 
 
 class TareVerdict(NamedTuple):
@@ -114,6 +121,22 @@ def start_tare(state: Tare, never_ns: int) -> None:
     forget_mean(state.slip)
     forget_mean(state.wrench)
     forget_mean(state.velocity)
+
+
+@part
+def is_unchecked(config: TareConfig, state: Tare) -> bool:
+    """Return whether the sensors wait for a tare, or the last one did not pass."""
+    return bool(config.duration_ns > 0 and (state.done == 0 or state.sensor != Sensor.NONE))
+
+
+@part
+def moved_joint(config: TareConfig, state: Tare, q: Array) -> int:
+    """Return the first joint that has moved during the tare, -1 where none has; q: (n,) [rad]."""
+    if state.watched != 0 and state.done == 0:
+        for j in range(config.joints):
+            if abs(q[j] - state.watched_from[j]) > MOVED:
+                return j
+    return -1
 
 
 @part
@@ -217,22 +240,24 @@ def bias_of(average: float, squares: float, count: int) -> float:
 
 
 @part
-def leave_to_mass(config: TareConfig, state: Tare, weight: Array) -> None:
-    """Take what another mass of the object explains off a mean wrench that is out of bounds.
+def leave_to_mass(config: TareConfig, state: Tare, weight: Array) -> float:
+    """Take what another mass of the object explains off a mean wrench that is out of bounds; return its share.
 
-    weight: model's load of the resting object (6,) [N, N m] {ee}.
+    More than the configured share is left in the wrench. weight: model's load of the resting object (6,) [N, N m] {ee}.
 
     Implements: ours: the mean less rho weight, rho the projection of its force on that of the weight.
     """
     wrench, along, square = state.wrench, 0.0, 0.0
     if max(largest(wrench.average, 0, 3)[1] - config.force, largest(wrench.average, 3, 6)[1] - config.torque) <= 0.0:
-        return
+        return 0.0
     for k in range(3):
         along += wrench.average[k] * weight[k]
         square += weight[k] * weight[k]
-    state.mass_share = min(max(along / square, -MASS_SHARE), MASS_SHARE) if square > 0.0 else 0.0
+    share = along / square if square > 0.0 else 0.0
+    state.mass_share = min(max(share, -config.mass_share), config.mass_share)
     for k in range(6):
         wrench.average[k] -= state.mass_share * weight[k]
+    return share
 
 
 @part
@@ -252,10 +277,15 @@ def take_biases(config: TareConfig, state: Tare, weight: Array, now_ns: int, q: 
 
     weight: see `leave_to_mass`; now_ns, q: of the last joint state (n,) [rad], see `leave_to_motion`.
     """
-    leave_to_mass(config, state, weight)
+    share = leave_to_mass(config, state, weight)
     leave_to_motion(config, state, now_ns, q)
     verdict = judge_tare(config, state)
     state.done, state.sensor, state.worst, state.bound = 1, verdict.sensor, verdict.size, verdict.bound
+    if verdict.sensor == Sensor.WRENCH and abs(share) > config.mass_share:
+        for k in range(6):
+            state.wrench.average[k] -= (share - state.mass_share) * weight[k]
+        if judge_tare(config, state).sensor != Sensor.WRENCH:  # a weight, and nothing beside it
+            state.sensor, state.worst, state.bound = Sensor.MASS.value, (1.0 + share) * config.mass, config.mass
     if verdict.sensor != Sensor.NONE:
         state.mass_share = 0.0
     else:

@@ -5,10 +5,11 @@ from __future__ import annotations
 from slip_core.compiled import part
 from slip_vic_controller.arm.disturbance import DISTURBED, most_disturbed
 from slip_vic_controller.arm.joint_estimate import clear_findings
+from slip_vic_controller.arm.tare import is_unchecked
 from slip_vic_controller.cycle.beginning import begin_cycle, begin_law
 from slip_vic_controller.cycle.ledger import put_time
 from slip_vic_controller.cycle.taring import AtRest, tare
-from slip_vic_controller.cycle.wrench import model_wrench, shows_loss
+from slip_vic_controller.cycle.wrench import model_wrench, overloaded_joint, shows_loss
 from slip_vic_controller.safety.arbitration import arbitrate
 from slip_vic_controller.safety.faults import Fault, Input
 from slip_vic_controller.safety.latency import forget_latency, measure_latency
@@ -80,6 +81,14 @@ def decide_mode(
         state.wrench_modelled = 0  # what reads the same is right then
     if state.law.known == 0:
         begin_law(config, task, state, inputs, outputs, lead)
+        joint, torque = overloaded_joint(config, state, inputs)
+        if joint >= 0:
+            state.law.known = 0
+            heavy = Reason(Cause.TOO_HEAVY.value, joint, 0, torque, config.law.effort_limit[joint])
+            _wait(config, state, inputs, heavy, 0)
+            return
+    if is_unchecked(config.tare, state.tare):
+        model_wrench(config, task, state, inputs)
     _decide(config, task, state, inputs, outputs, together)
 
 
@@ -102,7 +111,7 @@ def _wait(config: ControllerConfig, state: ArmState, inputs: CycleInputs, missin
     next_mode(config.modes, state.mode, reasons, inputs.request, inputs.now_ns)
     state.limiter.started, state.now_ns, state.hold.known = keep_limiter, inputs.now_ns, 0
     state.hold.load_error[:] = 0.0
-    state.estimate.started = 0
+    state.estimate.started, state.tare.watched = 0, 0
     forget_latency(state.latency)
 
 

@@ -11,7 +11,7 @@ from slip_core.records import Records
 from slip_core.vectors import ZERO, Spatial, Vec, mat, put_spatial, vec
 from slip_vic_controller.arm.joint_estimate import Finding
 from slip_vic_controller.arm.tare import add, add_slip, measure_at_rest, measure_without_rest, start_tare, take_biases
-from slip_vic_controller.cycle.wrench import arm_of_load, measured_wrench, own_wrench
+from slip_vic_controller.cycle.wrench import arm_of_load, tared_wrench
 from slip_vic_controller.law.contact import pad_rotation
 from slip_vic_controller.safety.hold import object_load
 from slip_vic_controller.safety.modes import Mode, Request, follows
@@ -42,7 +42,7 @@ def all_at_rest(configs: Records[ControllerConfig], states: Records[ArmState], i
         return AtRest(n, False, ZERO)
     for k in range(n):
         R = mat(inputs[k].arm.rotation)
-        measured = R @ measured_wrench(configs[k], states[k], R).linear
+        measured = R @ tared_wrench(configs[k], states[k], R).linear
         beyond = beyond + (measured - vec(configs[k].hold.weight))
     return AtRest(n, True, (1.0 / n) * beyond)
 
@@ -56,8 +56,12 @@ def tare(config: ControllerConfig, state: ArmState, inputs: CycleInputs, togethe
     tare, queue, mass_share = state.tare, state.queue, state.tare.mass_share
     if inputs.request == Request.TARE and not follows(state.mode.mode):
         start_tare(tare, NEVER)
+        tare.watched = 0
     if tare.done == 0 and state.mode.mode == Mode.HOLD:
         n, stamp_ns, wrench = config.law.joints, state.joint.answers.stamp_ns, state.wrench_inputs[0]
+        paused = inputs.now_ns - state.now_ns > config.arbitration.gap_ns  # something else may have moved the arm
+        if tare.watched == 0 or paused:
+            tare.watched, tare.watched_from[:] = 1, state.joint.answers.position
         six, (beyond, expected) = np.zeros(6), _wrench_at_rest(config, state, inputs, together)
         over = measure_at_rest(
             config.tare, tare, stamp_ns, state.joint.last.position[:n], state.joint.last.velocity[:n]
@@ -73,7 +77,7 @@ def tare(config: ControllerConfig, state: ArmState, inputs: CycleInputs, togethe
             put_spatial(six, expected)
             take_biases(config.tare, tare, six, stamp_ns, state.joint.last.position[:n])
     elif tare.done == 0:  # FAULT damps the same velocities as HOLD
-        wrong = state.estimate.finding != Finding.NONE
+        tare.watched, wrong = 0, state.estimate.finding != Finding.NONE
         measure_without_rest(config.tare, tare, state.joint.last.velocity[: config.law.joints], wrong)
     for k in range(queue.count):
         for i in range(6):
@@ -93,5 +97,5 @@ def _wrench_at_rest(
     r = arm_of_load(config, state, pad_rotation(config.law.contact[0], state.law.slips[0]))
     expected = object_load(config.hold, R, R @ r)
     if together.arms == 1:
-        return own_wrench(config, state, R) - expected, expected
+        return tared_wrench(config, state, R) - expected, expected
     return Spatial(R.T() @ together.beyond, ZERO), Spatial(expected.linear, ZERO)

@@ -40,6 +40,12 @@ class TareParams(ParameterModel):
     slip_angular: float = parameter(0.3, "largest bias of the turning that is taken out", unit="rad/s", ge=0.0)
     force: float = parameter(0.3, "largest bias of a force that is taken out", unit="N", ge=0.0)
     torque: float = parameter(0.03, "largest bias of a torque that is taken out", unit="N m", ge=0.0)
+    mass_share: float = parameter(
+        0.5,
+        "share of object.mass by which the weight on the wrench sensor may differ; the law uses the measured mass",
+        ge=0.0,
+        lt=1.0,
+    )
 
 
 class DisturbanceParams(ParameterModel):

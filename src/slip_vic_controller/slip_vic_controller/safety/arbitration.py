@@ -16,7 +16,7 @@ from slip_core.records import Real, Record, Records, Whole, dtype_of
 from slip_core.vectors import spatial, vec
 from slip_vic_controller.arm.joint_estimate import EstimatorConfig, Finding, JointEstimate
 from slip_vic_controller.arm.plausibility import unseen_ns
-from slip_vic_controller.arm.tare import Sensor, Tare, TareConfig
+from slip_vic_controller.arm.tare import Sensor, Tare, TareConfig, moved_joint
 from slip_vic_controller.law.extensions import CompensationState
 from slip_vic_controller.safety.drop_detection import BLIND, DropDetectionConfig, ObservedMotion, doubt_of_fall
 from slip_vic_controller.safety.faults import Fault, Input
@@ -231,14 +231,14 @@ def degradation_level(config: ArbitrationConfig, since: Since, fault: int, now_n
 
 
 @part
-def find_fault(config: Configured, state: Judged, n: int, qd: Array, now_ns: int) -> Reason:
+def find_fault(config: Configured, state: Judged, n: int, q: Array, qd: Array, now_ns: int) -> Reason:
     """Return what must latch: a speed too high for long, a joint whose measurements are wrong, an object that falls.
 
     Args:
         config: of the controller.
         state: of the controller; changed.
         n: number of joints.
-        qd: (n,) [rad/s].
+        q, qd: joint state; (n,) [rad], [rad/s].
         now_ns: the controller's clock.
     """
     found = too_fast(config.motion, n, qd, spatial(state.observed.twist))
@@ -248,6 +248,9 @@ def find_fault(config: Configured, state: Judged, n: int, qd: Array, now_ns: int
     if state.estimate.finding != Finding.NONE:
         finding = state.estimate
         return Reason(Cause.JOINT.value, finding.joint + 256 * finding.finding, 0, finding.value, finding.limit)
+    moved = moved_joint(config.tare, state.tare, q)
+    if moved >= 0:
+        return Reason(Cause.MOVED_IN_TARE.value, moved, 0, q[moved] - state.tare.watched_from[moved], 0.0)
     # Noise of the joints' velocities can grow to such a slip velocity at rest, between two samples of a camera.
     doubt = doubt_of_fall(state.observer.variance) if config.estimator.on != 0 else 0.0
     if state.observed.fall_speed > config.drop.drop_speed + doubt:
@@ -406,7 +409,7 @@ def arbitrate(
     sliding = slides(config.arbitration, state.since, state.slip_inputs, contacts)
     slip = slip_fault(config.arbitration, health, state.observed, now_ns)
     level = degradation_level(config.arbitration, state.since, slip, now_ns)
-    fault, hold, degraded = find_fault(config, state, n, qd, now_ns), NOTHING, NOTHING
+    fault, hold, degraded = find_fault(config, state, n, q, qd, now_ns), NOTHING, NOTHING
     if health.outside == Fault.FOREIGN_COMMAND:
         if fault.cause == Cause.NONE:
             fault = of_fault(Cause.INPUT, Input.EFFORT_COMMAND, health.outside)

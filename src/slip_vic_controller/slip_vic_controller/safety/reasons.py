@@ -46,6 +46,8 @@ class Cause(IntEnum):
     HALTED = 24
     ENDLESS_SLIP = 33
     UNSEEN_SLIP = 35  # value: load that the motion needs, limit: that the wrench carries [N]
+    MOVED_IN_TARE = 36  # detail: joint; value: motion [rad]
+    TOO_HEAVY = 37  # detail: joint; value: torque at rest, limit [N m]
     TARE = 26
     NOT_FOLLOWING = 28  # detail: joint; value: torque on it beyond what it needs at rest [N m], limit: error [m]
     NOT_TURNING = 30  # the same where only the attitude is far: limit: error [rad]
@@ -184,6 +186,17 @@ def _cause_text(reason: Reason | ReasonRecord, joint_names: Sequence[str]) -> st
     if cause == Cause.UNSEEN_SLIP:
         found = f"the wrench carries {limit:.2f} N where the motion needs {value:.2f} N"
         return f"{found}, the slip sensor reads nothing: planning for {limit:.2f} N"
+    if cause == Cause.MOVED_IN_TARE:
+        why = "gravity, load or torque offset are not those of the model: check object.mass and effort.gravity"
+        return f"{joint_names[reason.detail]} moved by {value:.3f} rad during the tare, without any wrench: {why}"
+    if cause == Cause.TOO_HEAVY:
+        load = f"holding arm and object needs {value:.1f} N m on {joint_names[reason.detail]}, its limit is {limit:.1f}"
+        return f"{load}: a lighter object or another posture"
+    if cause == Cause.BIASED and reason.detail == Sensor.MASS:
+        if value < 0.0:
+            return f"the wrench reads the weight of the object with the opposite sign ({value:.3g} kg): turn it round"
+        fix = "set it, or allow it with tare.mass_share"
+        return f"object.mass is {limit:.3g}, the wrench at rest says {value:.3g}: {fix}"
     if cause == Cause.BIASED:
         name, unit = _OF_SENSOR[Sensor(reason.detail)]
         return f"the {name} reads {value:.3g} {unit} at rest, at most {limit:.3g} are taken out: check it, call ~/tare"
@@ -228,6 +241,7 @@ _OF_SENSOR = {
     Sensor.SLIP: ("slip sensor", "m/s or rad/s"),
     Sensor.WRENCH: ("wrench sensor", "N or N m"),
     Sensor.JOINTS: ("joint velocity", "rad/s"),
+    Sensor.MASS: ("weight", "kg"),
 }
 _AWAY, _TURNED = (Cause.NOT_FOLLOWING, Cause.RANGE_END), (Cause.NOT_TURNING, Cause.RANGE_END_TURNED)
 _OF_FAULT = {Cause.INPUT: "", Cause.PREDICTED: ": predicting it from the wrench", Cause.SLOWING: ": slowing down"}
