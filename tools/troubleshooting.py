@@ -43,7 +43,7 @@ TO_DO = {
     Cause.TARE: "Wait: it takes `tare.duration_s`, and restarts where a joint moves. Nothing may touch the arm or the object.",
     Cause.BIASED: "Zero the named sensor, or fix it; then `~/tare`. Where the bias is its own, raise `tare.*`.",
     Cause.MOVED_IN_TARE: "Clear the arm. Check `object.mass`, the masses of the URDF, `effort.gravity` and the drives' torque offsets; then `~/reset_fault`.",
-    Cause.TOO_HEAVY: "The drives hold the arm until it can be held: correct `object.mass` or the URDF's effort limits, or start elsewhere.",
+    Cause.TOO_HEAVY: "The drives hold the arm until it can be held: correct `object.mass` or the URDF's effort limits, or start elsewhere; then `~/enable`.",
     Cause.NOT_FOLLOWING: "Release the joint's brake, clear the arm, or raise `disturbance.limit`: its friction is above the effort. "
     "`slip-vic identify` measures friction.",
     Cause.RANGE_END: "The path takes the joint farther than it goes: start in another posture (`slip-vic arm FILE` finds one), or shorten it.",

@@ -12,7 +12,7 @@ import pytest
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import Law, Scenario, load_scenario
 from slip_vic_controller.arm.tare import MOVED
-from slip_vic_controller.safety.modes import Mode, follows
+from slip_vic_controller.safety.modes import Mode, Request, follows
 from slip_vic_controller.session.cycle_result import CycleResult
 from test.support.watched_loop import WatchedLoop
 
@@ -66,20 +66,32 @@ def inverted(arm: Any) -> Any:
 
 
 @pytest.mark.parametrize(
-    ("world", "sensed", "mode", "words"),
+    ("world", "sensed", "mode", "words", "mass"),
     [
-        ((), inverted, Mode.HOLD, "opposite sign"),
-        (("bridge.object.mass=1.0",), None, Mode.HOLD, "object.mass is 0.5, the wrench at rest says 1: set it"),
-        (("object.mass=5.0",), None, Mode.WAITING_INPUT, "holding arm and object needs"),
+        ((), inverted, Mode.HOLD, "opposite sign", -0.5),
+        (("bridge.object.mass=1.0",), None, Mode.HOLD, "object.mass is 0.5, the wrench at rest says", 1.0),
     ],
 )
-def test_tare_moves_no_joint(world: tuple[str, ...], sensed: Any, mode: Mode, words: str) -> None:
-    """An inverted wrench threw the object after 1.17 s; an object of 5 kg made the arm sink by 0.6 rad."""
+def test_tare_moves_no_joint(world: tuple[str, ...], sensed: Any, mode: Mode, words: str, mass: float) -> None:
+    """An inverted wrench threw the object after 1.17 s."""
     run = WatchedLoop(scenario_of("paper_planar", TARE, *world, drive="torque_joint"))
     start, moved = run.loop.bridge.simulation.observe(0).joint.position.copy(), 0.0
     for _ in range(600):
         result = run.cycle(sensed)
         moved = max(moved, float(np.abs(run.loop.bridge.simulation.observe(0).joint.position - start).max()))
-    assert words in str(result.reason)
+    assert words in result.reason
+    assert result.record.mode.reason.value == pytest.approx(mass, rel=1e-3)
     assert result.mode == mode
     assert moved < MOVED
+
+
+def test_too_heavy_stays_refused() -> None:
+    """No drive holds 5 kg here: the arm sinks to where it could be held, and no command may begin there by itself."""
+    run = WatchedLoop(scenario_of("paper_planar", TARE, "object.mass=5.0", drive="torque_joint"))
+    for _ in range(330):
+        result = run.cycle(None)
+        assert not len(result.numbers)
+    assert result.mode == Mode.WAITING_INPUT
+    assert "holding arm and object needs" in result.reason
+    run.loop.controller.request(Request.ENABLE)
+    assert len(run.cycle(None).numbers), "it can be held where it is now"

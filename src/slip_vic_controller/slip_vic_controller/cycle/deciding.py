@@ -15,6 +15,7 @@ from slip_vic_controller.safety.faults import Fault, Input
 from slip_vic_controller.safety.latency import forget_latency, measure_latency
 from slip_vic_controller.safety.modes import (
     NOTHING,
+    Mode,
     Request,
     TransitionReasons,
     follows,
@@ -31,6 +32,7 @@ from slip_vic_controller.safety.reasons import (
     disturbed,
     of_fault,
     put_reason,
+    read_reason,
 )
 from slip_vic_controller.safety.validation import fine, forget_repeats, frozen, usable, vector_validity
 from slip_vic_controller.sizes import MAX_CONTACTS, NEVER
@@ -81,15 +83,28 @@ def decide_mode(
         state.wrench_modelled = 0  # what reads the same is right then
     if state.law.known == 0:
         begin_law(config, task, state, inputs, outputs, lead)
-        joint, torque = overloaded_joint(config, state, inputs)
-        if joint >= 0:
+        heavy = _too_heavy(config, state, inputs)
+        if heavy.cause != Cause.NONE:
             state.law.known = 0
-            heavy = Reason(Cause.TOO_HEAVY.value, joint, 0, torque, config.law.effort_limit[joint])
             _wait(config, state, inputs, heavy, 0)
             return
     if is_unchecked(config.tare, state.tare):
         model_wrench(config, task, state, inputs)
     _decide(config, task, state, inputs, outputs, together)
+
+
+@part
+def _too_heavy(config: ControllerConfig, state: ArmState, inputs: CycleInputs) -> Reason:
+    """Return why the arm cannot be held where it is, NOTHING where it can.
+
+    No drive can either, so the arm sinks until its lever is short enough: to begin there is for a user to say.
+    """
+    joint, torque = overloaded_joint(config, state, inputs)
+    if joint >= 0:
+        return Reason(Cause.TOO_HEAVY.value, joint, 0, torque, config.law.effort_limit[joint])
+    asked = inputs.request == Request.ENABLE or inputs.request == Request.RESET_FAULT
+    refused = state.mode.mode == Mode.WAITING_INPUT and state.mode.reason.cause == Cause.TOO_HEAVY
+    return read_reason(state.mode.reason) if refused and not asked else NOTHING
 
 
 @part
