@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any
@@ -9,11 +10,13 @@ from typing import Any
 import numpy as np
 
 from slip_core.params import build
+from slip_core.records import record
 from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.safety.faults import Fault
 from slip_vic_controller.session.controller import Controller
 from slip_vic_controller.session.cycle_result import CycleResult, Health
+from slip_vic_controller.state import CONFIG
 from test.support.one_arm import OneArm, one_arm
 from test.support.small_arm import HOME, small_arm_urdf
 
@@ -26,18 +29,19 @@ LOAD = np.array([0.1, 0.2, -4.9, 0.0, 0.0, 0.01])
 SLIP = np.array([0.004, -0.002, 0.0, 0.0, 0.0, 0.03])
 NOISE = 1e-7 * np.random.default_rng(0).uniform(-1.0, 1.0, (4096, 10))  # no measured number is equal to the one before
 N = len(HOME)
-UNRELATED = {"joint_sensor__difference": 1.0}  # rad; made-up velocities are not those of the made-up positions
 
 
 def controller_of(lockstep: bool = False, **values: Any) -> Controller:
     """Return a controller of parameters, flat names with `__` for the dot."""
-    given = {**UNRELATED, **values}
-    return _controller(lockstep, tuple((name.replace("__", "."), value) for name, value in given.items()))
+    return _controller(lockstep, tuple((name.replace("__", "."), value) for name, value in values.items()))
 
 
 @lru_cache
 def _controller(lockstep: bool, values: tuple[tuple[str, Any], ...]) -> Controller:
-    return one_arm(build(ControllerParams, dict(values), "test"), small_arm_urdf(), lockstep=lockstep)
+    controller = one_arm(build(ControllerParams, dict(values), "test"), small_arm_urdf(), lockstep=lockstep)
+    controller.config = controller.config.copy()
+    record(controller.config, CONFIG).estimator.difference = math.inf  # made-up velocities are not those of positions
+    return controller
 
 
 class MadeUp:

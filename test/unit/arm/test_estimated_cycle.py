@@ -50,9 +50,9 @@ class Run(WatchedLoop):
 @pytest.mark.parametrize(
     ("joint", "change", "finding"),
     [
-        (1, lambda q, qd: -qd, Finding.VELOCITY_SIGN),
-        (3, lambda q, qd: 0.0 * qd, Finding.VELOCITY_STUCK),
-        (3, lambda q, qd: qd + 1.5, Finding.VELOCITY_BIASED),
+        (1, lambda q, qd: -qd, Finding.VELOCITY),
+        (3, lambda q, qd: 0.0 * qd, Finding.VELOCITY),
+        (3, lambda q, qd: qd + 1.5, Finding.VELOCITY),
     ],
 )
 def test_wrong_velocity_names_joint(joint: int, change: Any, finding) -> None:

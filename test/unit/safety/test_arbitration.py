@@ -125,9 +125,9 @@ def kinds() -> list[Arbitration]:
 def test_joint_findings_carry_numbers() -> None:
     arbitration = Arbitration()
     found = arbitration.state.estimate
-    found.finding, found.joint, found.value, found.limit = Finding.VELOCITY_STUCK, 4, 0.3, 0.1
+    found.finding, found.joint, found.value, found.limit = Finding.VELOCITY, 4, 0.3, 0.1
     reasons, _ = arbitration.arbitrate((Fault.NONE, *GOOD))
-    assert reasons.fault == Reason(Cause.JOINT, 4 + 256 * Finding.VELOCITY_STUCK, 0, 0.3, 0.1)
+    assert reasons.fault == Reason(Cause.JOINT, 4 + 256 * Finding.VELOCITY, 0, 0.3, 0.1)
     found.finding, arbitration.state.observed.fall_speed = Finding.NONE, 9.0
     reasons, _ = arbitration.arbitrate((Fault.NONE, *GOOD))
     assert reasons.fault == Reason(Cause.FALLS, 0, 0, 9.0, 0.0)

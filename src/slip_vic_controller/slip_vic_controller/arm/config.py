@@ -13,16 +13,14 @@ from slip_core.matrices import product, riccati, solve
 from slip_core.records import new, record
 from slip_vic_controller.arm.estimator import transition
 from slip_vic_controller.arm.joint_estimate import ESTIMATOR_CONFIG, MAX_LATENCY, QUICK, EstimatorConfig, Trust
-from slip_vic_controller.arm.plausibility import MOVES, REPEATED, UNMOVED
+from slip_vic_controller.arm.plausibility import BIAS, DIFFERENCE, LATE_S, UNMOVED
 from slip_vic_controller.arm.tare import LEAST_SAMPLES, Tare, deviation, periods_of_joints
 from slip_vic_controller.params.arm_params import JointSensorConfig
 from slip_vic_controller.params.controller_params import ControllerParams
 
-DEVIATIONS: Final = 6.0
-"""Standard deviations of noise that are no difference between position and velocity."""
-COMPARED_S: Final = 0.5
-MOST_SPEED: Final = 3.0
-"""Speed of a joint whose filtered velocity is behind its position without a fault [rad/s]."""
+DEVIATIONS, UNLIKELY = 6.0, 20.0
+"""Standard deviations of positions that are no contradiction, and exponent of the chance that noise of the velocities
+makes one in a sample."""
 LEAST_POSITION, LEAST_VELOCITY = 2e-5, 1e-4
 """What is assumed of a sensor without noise [rad], [rad/s]."""
 UNMEASURED_VELOCITY = 3e-3
@@ -35,15 +33,11 @@ MEAN_S, QUICK_S, SIGNIFICANT = 0.01, 0.03, 4.5
 MODEL_NOISE, QUICK_DRIFT = 0.1, 100.0
 """Joint acceleration that the model leaves out, white, in every control period, and the drift of the disturbance where
 friction turns round: standard deviations [rad/s^2]."""
-SETTLING_S, RATE = 0.005, 10.0
-"""Of what is taken off: time constant with which it follows the estimate, so that noise does not shake the arm [s], and
-fastest change, as a share of the joint's effort limit [1/s]."""
-SETTLES_AFTER: Final = 5.0
-"""Least time constant of the compensated disturbance where arms share an object, over all delays of the loop: each arm
-feels through the object what the other compensates, and faster than that they swing against each other."""
-THROWN_SETTLES_AFTER: Final = 5.0
-"""Least time constant of it in FAULT, over the control period: an arm with friction that was thrown swings for ever
-where its disturbance, which turns round with it, is taken off in a period or two."""
+SETTLES_AFTER, RATE = 5.0, 10.0
+"""Of what is taken off: time constant with which it follows the estimate, over the control period, so that noise does
+not shake the arm, and friction that turns round does not swing it; where arms share an object over all delays of the
+loop, since each arm feels through the object what the other compensates. And fastest change, as a share of the joint's
+effort limit [1/s]."""
 LARGER: Final = 1.5
 """Measured noise over the configured one from which it is used: a spread of few samples is not exact."""
 
@@ -122,20 +116,12 @@ def gains_by_trust(both: SteadyState, noise: Noise) -> Array:
     return gain
 
 
-def predicted_covariance(steady: SteadyState, noise: Noise, bandwidth: float, period: float, ahead_s: float) -> Array:
-    """Return the covariance of the estimate predicted `ahead_s` [s] beyond the last sample; (3, 3)."""
-    P, (ticks, rest) = steady.updated, divide(ahead_s, period)
-    for dt in (*([rest] if rest > 0.0 else []), *([period] * ticks)):
-        F, Q = process(noise, bandwidth, dt)
+def predicted_covariance(steady: SteadyState, noise: Noise, bandwidth: float, period: float, ticks: int) -> Array:
+    """Return the covariance of the estimate predicted so many control periods beyond the last sample; (3, 3)."""
+    P, (F, Q) = steady.updated, process(noise, bandwidth, period)
+    for _ in range(ticks):
         P = product(F, P, F.T) + Q
     return P
-
-
-def divide(latency_s: float, period: float) -> tuple[int, float]:
-    """Return whole control periods in a latency, and what is left of it [s]."""
-    ticks = math.floor(latency_s / period + 1e-6)
-    rest = latency_s - ticks * period
-    return ticks, rest if rest > 1e-6 * period else 0.0
 
 
 def sensor_noise(sensor: JointSensorConfig, period: float) -> tuple[float, float]:
@@ -222,7 +208,7 @@ def estimator_config(params: ControllerParams, effort_limit: Array) -> Array:
     config.joints, config.period = n, period
     by_effort, (noise, config.bandwidth, ticks) = params.command.interface == "effort", tuning_of(params)
     config.on = int(params.estimates_joints)
-    config.late_ticks, config.late_rest = divide(sensor.latency_s, period)
+    config.late_ticks = round(sensor.latency_s / period)
     config.sensor_ticks, config.sensor_period = ticks, ticks * period
     config.drive_ticks = round((params.drive.delay_s + (params.drive.lag_s if by_effort else 0.0)) / period)
     if config.late_ticks + config.drive_ticks + 1 > MAX_LATENCY:
@@ -239,18 +225,16 @@ def estimator_config(params: ControllerParams, effort_limit: Array) -> Array:
     config.quick_ticks = max(1, round(QUICK_S / config.sensor_period))
     S = product(H, both.predicted, H.T) + np.diag([noise.position**2, noise.velocity**2])
     config.scale[:], config.weight = 1.0 / np.sqrt(np.diag(S)), 1.0 - math.exp(-config.sensor_period / MEAN_S)
-    config.significant = SIGNIFICANT * math.sqrt(config.weight / (2.0 - config.weight))
-    ahead = predicted_covariance(both, noise, config.bandwidth, period, sensor.latency_s)
+    config.gate = SIGNIFICANT * SIGNIFICANT * config.weight / (2.0 - config.weight)
+    ahead = predicted_covariance(both, noise, config.bandwidth, period, config.late_ticks)
     config.velocity_variance, config.change_variance = ahead[1, 1], both.change_variance
-    spread = math.hypot(math.sqrt(2.0) * noise.position, math.sqrt(COMPARED_S * config.sensor_period) * noise.velocity)
-    config.difference = max(sensor.difference, DEVIATIONS * spread) + MOST_SPEED * sensor.filter_s
-    config.repeated = MOVES if config.on else REPEATED
+    # The sum diffuses with noise of the velocities: its chance to be at S is exp(-2 BIAS S / (noise^2 period)).
+    diffused = UNLIKELY * noise.velocity**2 * config.sensor_period / (2.0 * BIAS)
+    config.difference = max(DIFFERENCE, diffused) + DEVIATIONS * math.sqrt(2.0) * noise.position
+    config.late = LATE_S + sensor.filter_s
     config.unmoved = max(UNMOVED, 2.0 * sensor.quantum_position)
-    config.compensates, config.settling = int(model.compensate and by_effort), SETTLING_S
-    if params.contacts.count > 1:
-        late_s = sensor.latency_s + params.drive_lag_s + sensor.filter_s
-        config.settling = max(SETTLING_S, SETTLES_AFTER * late_s)
-    config.settling_fault = max(config.settling, THROWN_SETTLES_AFTER * period)
+    late_s = sensor.latency_s + params.drive_lag_s + sensor.filter_s if params.contacts.count > 1 else 0.0
+    config.compensates, config.settling = int(model.compensate and by_effort), SETTLES_AFTER * max(period, late_s)
     # What a drive with a loop of its own does not follow is no torque: collisions are the drive's to find then.
     config.bound[:n], config.rate[:n] = (
         (model.limit if by_effort else math.inf) * effort_limit,

@@ -40,7 +40,6 @@ def oppose_disturbance(
     M: Array,
     of_wrench: Array,
     dt: float,
-    fault: bool,
     judged: bool,
     torque: Array,
 ) -> None:
@@ -55,19 +54,17 @@ def oppose_disturbance(
         M: inertia (n, n) [kg m2].
         of_wrench: J^T h, torque of the measured wrench; (n,) [N m].
         dt: since the cycle before [s].
-        fault: whether the mode is FAULT.
         judged: whether the noise of joint velocities is known by now; before, a jump may be noise.
         torque: changed; (n,) [N m].
 
     Implements: ours: tau -= M d.
     """
-    settling = config.settling_fault if fault else config.settling
-    n, weight, follow = config.joints, 1.0 - math.exp(-dt / SLOW_S), 1.0 - math.exp(-dt / settling)
+    n, weight, follow = config.joints, 1.0 - math.exp(-dt / SLOW_S), 1.0 - math.exp(-dt / config.settling)
     # The inertia carries a joint that is measured wrongly, or not at all, into the torques of the others.
     unmeasured = bool(state.unmeasured.max() >= config.sensor_ticks)
     doubtful = unmeasured or not judged
     for j in range(n):
-        differs = abs(contradiction(state, j)) > DOUBTFUL * config.difference
+        differs = contradiction(config, state, j) > DOUBTFUL * config.difference
         doubtful = doubtful or state.trust[j] != Trust.BOTH or differs
     for j in range(n):
         effort = disturbance(config, state, M, j)

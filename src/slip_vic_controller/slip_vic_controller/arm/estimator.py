@@ -40,12 +40,10 @@ from slip_vic_controller.arm.joint_estimate import (
 )
 from slip_vic_controller.arm.plausibility import (
     GAP,
-    all_unmeasured,
     compare_measurements,
     count_unmeasured,
     is_unmeasured,
     joint_repeats,
-    repeats,
 )
 from slip_vic_controller.law.arm import Arm
 from slip_vic_controller.sizes import MAX_JOINTS
@@ -93,6 +91,12 @@ def transition(bandwidth: float, dt: float) -> Transition:
 
 
 @part
+def move_on(step: Transition, q: float, v: float, d: float, u: float) -> tuple[float, float]:
+    """Return position [rad] and velocity [rad/s] after a transition with input u and disturbance d."""
+    return q + step.qv * v + step.qd * d + step.qu * u, step.vv * v + step.vd * d + step.vu * u
+
+
+@part
 def start_estimate(config: EstimatorConfig, state: JointEstimate, stamp_ns: int, q: Array, qd: Array) -> None:
     """Begin at a sample; (n,) [rad], [rad/s]. The disturbance stays: friction and offset outlast a pause."""
     state.started, state.stamp_ns, state.renewed_ns, state.corrected_ns = 1, stamp_ns, stamp_ns, stamp_ns
@@ -108,7 +112,8 @@ def start_estimate(config: EstimatorConfig, state: JointEstimate, stamp_ns: int,
         state.q[j] = state.position[j] = position
         state.v[j] = state.velocity[j] = velocity
         state.measured_position[j], state.measured_velocity[j] = q[j], qd[j]
-        state.moved[j] = state.swept[j] = state.moved_lately[j] = state.swept_lately[j] = 0.0
+        state.parity[:, j] = state.moved[:, j] = state.swept[:, j] = 0.0
+        state.began[:, j] = qd[j]
         state.same_position[j] = state.same_velocity[j] = 0
         state.mean_q[j], state.mean_v[j], state.quick[j] = 0.0, 0.0, 0
         if config.bandwidth > 0.0:
@@ -161,13 +166,17 @@ def estimate_joints(
         return
     periods = max(1, round(dt / config.period))
     go_on_with_input(config, state, periods)
-    repeated = repeats(config, state, q, qd)
+    repeated = True
+    for j in range(config.joints):
+        repeated = repeated and joint_repeats(state, j, q, qd)
     count_unmeasured(config, state, stamp_ns, periods, q, qd, repeated, measured)
     new = measured and is_new(config, state, periods, repeated)
     if periods > 1:
         state.missing = 1
     # Of a slow sensor a missing sample may have been the first with what is new: nothing says when that was measured.
-    corrects = new and (periods == 1 or config.sensor_ticks == 1) and not all_unmeasured(config, state)
+    # Where no joint is measured nothing corrects the estimate, and innovations grow longer.
+    seen = state.unmeasured[: config.joints].min() < config.sensor_ticks
+    corrects = new and (periods == 1 or config.sensor_ticks == 1) and seen
     if new and not repeated:
         compare_measurements(config, state, (stamp_ns - state.renewed_ns) * 1e-9, q, qd)
         state.renewed_ns, state.missing = stamp_ns, 0 if corrects else 1
@@ -178,24 +187,15 @@ def estimate_joints(
     if corrects:
         state.corrected_ns = stamp_ns
     state.stamp_ns = stamp_ns
-    step = dt / periods
-    m, rest = config.late_ticks, min(config.late_rest, step)
-    older, newer = transition(config.bandwidth, rest), transition(config.bandwidth, step - rest)
-    whole = transition(config.bandwidth, config.period)
+    m, step, whole = (
+        config.late_ticks,
+        transition(config.bandwidth, dt / periods),
+        transition(config.bandwidth, config.period),
+    )
     for j in range(config.joints):
         x_q, x_v, x_d = state.q[j], state.v[j], state.d[j]
         for ago in range(m + periods - 1, m - 1, -1):
-            if rest > 0.0:
-                u = input_of(config, state, ago + 1, j)
-                x_q, x_v = (
-                    x_q + older.qv * x_v + older.qd * x_d + older.qu * u,
-                    (older.vv * x_v + older.vd * x_d + older.vu * u),
-                )
-            u = input_of(config, state, ago, j)
-            x_q, x_v = (
-                x_q + newer.qv * x_v + newer.qd * x_d + newer.qu * u,
-                (newer.vv * x_v + newer.vd * x_d + newer.vu * u),
-            )
+            x_q, x_v = move_on(step, x_q, x_v, x_d, input_of(config, state, ago, j))
         of_q, of_v, trust = q[j] - x_q, qd[j] - x_v, state.trust[j]
         if trust == Trust.BOTH and state.alone != 0:
             trust = Trust.POSITION.value
@@ -204,7 +204,7 @@ def estimate_joints(
         else:
             state.mean_q[j] += config.weight * (config.scale[0] * of_q - state.mean_q[j])
             state.mean_v[j] += config.weight * (config.scale[1] * of_v - state.mean_v[j])
-            if max(abs(state.mean_q[j]), abs(state.mean_v[j])) > config.significant:
+            if state.mean_q[j] * state.mean_q[j] + state.mean_v[j] * state.mean_v[j] > config.gate:
                 state.quick[j] = config.quick_ticks
             elif state.quick[j] > 0:
                 state.quick[j] -= 1
@@ -215,18 +215,8 @@ def estimate_joints(
             x_d + share * (share * K[2, 0] * of_q + K[2, 1] * of_v),
         )
         state.q[j], state.v[j], state.d[j] = x_q, x_v, x_d
-        if rest > 0.0:
-            u = input_of(config, state, m, j)
-            x_q, x_v = (
-                x_q + older.qv * x_v + older.qd * x_d + older.qu * u,
-                (older.vv * x_v + older.vd * x_d + older.vu * u),
-            )
         for ago in range(m - 1, -1, -1):
-            u = input_of(config, state, ago, j)
-            x_q, x_v = (
-                x_q + whole.qv * x_v + whole.qd * x_d + whole.qu * u,
-                (whole.vv * x_v + whole.vd * x_d + whole.vu * u),
-            )
+            x_q, x_v = move_on(whole, x_q, x_v, x_d, input_of(config, state, ago, j))
         state.position[j], state.velocity[j] = x_q, x_v
     if far_off(config, state, q, qd):
         start_estimate(config, state, stamp_ns, q, qd)

@@ -29,24 +29,22 @@ class Trust(IntEnum):
     NEITHER = 3  # the model alone
 
 
+BothWays = Annotated[Array, (2, MAX_JOINTS)]
 QUICK: Final = 4
 """Row of the gains for both measurements while the disturbance changes fast, after those by Trust."""
 
 
 @unique
 class Finding(IntEnum):
-    """What is wrong with a joint."""
+    """What is wrong with a joint; of its sensors as much as `Trust` leaves, by the same number."""
 
     NONE = 0
-    VELOCITY_SIGN = 1  # velocity and position move in opposite directions
-    VELOCITY_STUCK = 2
-    POSITION_STUCK = 3
-    POSITION_DRIFTS = 4  # position moves more than velocity explains
-    VELOCITY_BIASED = 5  # velocity says more than position moves
-    COLLISION = 6  # the disturbance has jumped
-    DISTURBED = 7  # the disturbance stays above its bound
-    STUCK = 8  # neither position nor velocity changes, though that says that the joint moves
-    IGNORED = 9  # a joint does not move as commanded
+    VELOCITY = 1  # it contradicts the position
+    POSITION = 2  # it is stuck, or drifts
+    STUCK = 3  # neither position nor velocity changes, though that says that the joint moves
+    COLLISION = 4  # the disturbance has jumped
+    DISTURBED = 5  # the disturbance stays above its bound
+    IGNORED = 6  # a joint does not move as commanded
 
 
 class EstimatorConfig(Record):
@@ -57,7 +55,6 @@ class EstimatorConfig(Record):
     period: Real  # s; of control
     bandwidth: Real  # rad/s; of velocity drives, 0 = efforts
     late_ticks: Whole  # latency of the sensor, whole control periods
-    late_rest: Real  # s; and what is left of it
     drive_ticks: Whole  # control periods from an input to its effect
     sensor_ticks: Whole  # control periods for which the sensor repeats a sample; 1 = each is new
     sensor_period: Real  # s; between new samples
@@ -65,17 +62,16 @@ class EstimatorConfig(Record):
     quick_ticks: Whole  # control periods for which QUICK is used after the innovations have said so
     scale: Annotated[Array, 2]  # 1/rad, s/rad; over the standard deviation of an innovation
     weight: Real  # of a new innovation in their mean
-    significant: Real  # mean of scaled innovations that is no noise
+    gate: Real  # square of the mean of scaled innovations that is no noise
     velocity_variance: Real  # (rad/s)^2; of the predicted velocity
     change_variance: Real  # (rad/s)^2; noise of its change over a period
-    difference: Real  # rad; between position and integrated velocity that is no noise
-    repeated: Real  # rad/s; velocity with which a joint that is measured does not read the same
-    unmoved: Real  # rad; and way by its velocity
+    difference: Real  # rad; sum of the parity that is no noise
+    late: Real  # s; by which velocities may be behind positions
+    unmoved: Real  # rad; way by its velocity after which a joint that is measured does not read the same
     compensates: Whole  # whether the disturbance is taken off the effort
     bound: Joints  # N m; most that is taken off
     rate: Joints  # N m/s; of what is taken off
     settling: Real  # s; time constant with which it follows the estimate
-    settling_fault: Real  # s; and in FAULT
     collision: Joints  # N m; jump of the disturbance that is a collision
     friction: Joints  # N m; of the joints, as configured: it changes its sign with the velocity
 
@@ -102,10 +98,10 @@ class JointEstimate(Record):
     mean_q: Joints  # mean of scaled innovations of position
     mean_v: Joints  # and of velocity
     quick: WholeJoints  # control periods for which the gains QUICK are used still
-    moved: Joints  # rad; way that position shows, faded
-    swept: Joints  # rad; way that velocity shows, faded
-    moved_lately: Joints  # rad; the same of the last samples
-    swept_lately: Joints  # rad
+    parity: BothWays  # rad; sum of what position shows beyond velocity, and of the opposite
+    moved: BothWays  # rad; way of the position since the sum was zero
+    swept: BothWays  # rad; way of the velocity
+    began: BothWays  # rad/s; the velocity then
     same_position: WholeJoints  # samples in a row that are equal to the last bit
     same_velocity: WholeJoints
     reversals: WholeJoints  # of the velocity from sample to sample, since a sample after one that repeated another
@@ -144,8 +140,7 @@ def clear_findings(state: JointEstimate) -> None:
         state.started = 0
     state.finding, state.joint, state.value, state.limit = 0, 0, 0.0, 0.0
     state.trust[:] = 0
-    state.moved[:] = 0.0
-    state.swept[:] = 0.0
+    state.parity[:] = 0.0
     state.jumped_s[:] = 0.0
     state.beyond_s[:] = 0.0
 

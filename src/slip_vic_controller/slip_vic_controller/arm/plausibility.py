@@ -1,43 +1,36 @@
-"""Whether what a joint's sensors say can be true.
+"""Whether what a joint's sensors say can be true: parity of position and velocity, and readings that do not change.
 
-Position and velocity are compared with each other: where their difference grows beyond noise, one of them is wrong, and
-the joint continues with the other. A joint that moves and reads the same to the last bit is not measured: the model
-tells where it is.
+The parity of a joint is the change of its position less the integral of its velocity. A random walk of the disturbance
+swallows a velocity that lies slowly; the cumulative sum of the parity does not. It begins again wherever nothing is
+left of it, so that the ways since then are those of what is wrong, and tell which of the two it is. A joint that moves
+and reads the same to the last bit is not measured: the model tells where it is.
 """
 
 from __future__ import annotations
 
-import math
 from typing import Final
 
 from slip_core.arrays import Array
 from slip_core.compiled import part
-from slip_vic_controller.arm.joint_estimate import LONGEST_S, EstimatorConfig, Finding, JointEstimate, Trust, find
+from slip_vic_controller.arm.joint_estimate import LONGEST_S, EstimatorConfig, JointEstimate, Trust, find
 
 BLIND_S: Final = 0.5
 """Time for which the model tells where a joint is that is not measured [s]: enough to come to rest, not to hold it."""
-REPEATED: Final = 1e-3
 UNMOVED: Final = 3e-4
-"""Velocity of a sensor without noise [rad/s], and way by any velocity [rad] (of an encoder that is read in steps two of
-them), with which a joint that is measured does not read the same to the last bit."""
-MEMORY_S: Final = 0.5
-"""Time over which position and velocity are compared [s]."""
+"""Way by any velocity [rad], of an encoder that is read in steps two of them, after which a joint that is measured
+does not read the same to the last bit."""
 GAP: Final = 1.5
 """Sensor periods between two samples from which one is missing."""
-LATELY: Final = 3.0
-LATELY_S: Final = 0.006
-"""Sensor periods, and least time [s], over which it is judged which of the two is wrong."""
-STUCK: Final = 3
-"""Positions in a row that are equal to the last bit while the velocity is not zero: then they are stuck."""
+DIFFERENCE, BIAS = 5e-3, 0.01
+"""Sum of the parity that contradicts [rad], beyond a difference of the velocities that may last [rad/s]."""
+LATE_S: Final = 0.01
+"""Time by which a velocity may be behind its position, as behind a low-pass of 16 Hz [s]."""
+OUTRUN: Final = 3.0
+"""Way that positions show over that of the velocities from which it is the position that drifts. Else the velocity is
+wrong: damping by it would throw the joint, while a position that drifts moves it no faster than that."""
 REVERSALS, DEAD = 20, 10
 """Reversals of the velocity from one sample to the next, without repetitions, which show that an encoder has noise:
 motion alone does not make them. And repetitions in a row that it has not then: it has died."""
-OPPOSED, SAME_SIZE = 0.3, 0.8
-"""Share of the longer of two ways in opposite directions from which the shorter one is no noise, and from which both
-are one way with a wrong sign."""
-LAG_S: Final = 0.01
-"""Time by which a velocity may be behind its position before they contradict each other, as behind a low-pass of 16 Hz
-[s]."""
 MOVES: Final = 0.02
 """Speed from which the sign of a joint's friction is known [rad/s]."""
 
@@ -51,22 +44,22 @@ def count_unmeasured(
 
     All of them where all read the same and one moves, or nothing was measured. What a joint did for longer than
     LONGEST_S is not known: then it begins again at what it reads. periods: since the sample before, of control;
-    all_repeat: see `repeats`; the others: see `estimate_joints`.
+    all_repeat: whether all joints read the same; the others: see `estimate_joints`.
     """
     dt, renewed_s = (stamp_ns - state.stamp_ns) * 1e-9, (stamp_ns - state.renewed_ns) * 1e-9
     moves = not measured
     for j in range(config.joints):
-        moves = moves or abs(qd[j]) > config.repeated or abs(qd[j]) * renewed_s > config.unmoved
+        moves = moves or abs(qd[j]) * renewed_s > config.unmoved
     for j in range(config.joints):
         unknown = state.trust[j] == Trust.NEITHER
-        dead = abs(qd[j]) > MOVES or never_same(config, state, j) or unknown
+        dead = abs(qd[j]) > MOVES or has_noise(config, state, j) or unknown
         if (all_repeat and moves) or (dead and joint_repeats(state, j, q, qd)):
             state.unmeasured[j] += periods
             continue
         if unknown or state.unmeasured[j] * config.period > LONGEST_S:
             state.q[j], state.v[j] = q[j] - dt * qd[j], qd[j]
-        if unknown:
-            state.trust[j] = Trust.BOTH.value
+        if unknown:  # how it got there is no contradiction
+            state.trust[j], state.parity[:, j], state.measured_position[j] = Trust.BOTH.value, 0.0, q[j]
         state.unmeasured[j] = 0
 
 
@@ -74,12 +67,6 @@ def count_unmeasured(
 def is_unmeasured(config: EstimatorConfig, state: JointEstimate, j: int) -> bool:
     """Return whether joint j reads the same for longer than its sensor repeats itself, which nothing measured does."""
     return bool(state.unmeasured[j] >= config.sensor_ticks)
-
-
-@part
-def all_unmeasured(config: EstimatorConfig, state: JointEstimate) -> bool:
-    """Return whether that holds of all joints: then nothing corrects the estimate, and innovations grow longer."""
-    return bool(state.unmeasured[: config.joints].min() >= config.sensor_ticks)
 
 
 @part
@@ -95,102 +82,88 @@ def unseen_ns(config: EstimatorConfig, state: JointEstimate) -> float:
 
 
 @part
-def repeats(config: EstimatorConfig, state: JointEstimate, q: Array, qd: Array) -> bool:
-    """Return whether a sample (n,) [rad], [rad/s] is equal to the one before to the last bit."""
-    repeated = True
-    for j in range(config.joints):
-        repeated = repeated and joint_repeats(state, j, q, qd)
-    return repeated
-
-
-@part
 def joint_repeats(state: JointEstimate, j: int, q: Array, qd: Array) -> bool:
     """Return whether joint j reads the same as in the sample before, to the last bit; (n,) [rad], [rad/s]."""
     return bool(q[j] == state.measured_position[j] and qd[j] == state.measured_velocity[j])
 
 
 @part
+def has_noise(config: EstimatorConfig, state: JointEstimate, j: int) -> bool:
+    """Return whether the encoder of joint j has noise, and so never reads the same twice."""
+    return bool(config.on != 0 and state.reversals[j] >= REVERSALS)
+
+
+@part
 def compare_measurements(config: EstimatorConfig, state: JointEstimate, dt: float, q: Array, qd: Array) -> None:
-    """Compare the way that positions show with that of the velocities, both faded over MEMORY_S.
+    """Take a new sample (n,) [rad], [rad/s], `dt` [s] after the one before, into the parity of every joint.
 
     Between two samples the velocity may have had any value between theirs; where one is missing, any at all, and that
     way is not compared.
-    Where they differ, the joint continues with the measurement that is not to blame: one that is equal to the last bit
-    while the other moves is stuck, one that moves alone drifts. Where they move in opposite directions, in the newest
-    sample or lately, it is the velocity: damping by it would throw the joint, while a position that drifts moves the
-    joint no faster than that. Where both are stuck, or an encoder with noise repeats itself, it continues by the model
-    alone, until it reads something else.
     """
-    fade, fade_lately = math.exp(-dt / MEMORY_S), math.exp(-dt / max(LATELY * config.sensor_period, LATELY_S))
+    compared = state.missing == 0 and state.alone == 0 and dt < GAP * config.sensor_period
     for j in range(config.joints):
         before_q, before_v = state.measured_position[j], state.measured_velocity[j]
-        way_q = way_v = 0.0
-        if state.missing == 0 and dt < GAP * config.sensor_period:
-            way_q = q[j] - before_q
-            way_v = min(max(way_q, dt * min(qd[j], before_v)), dt * max(qd[j], before_v)) if state.alone == 0 else way_q
-        state.moved[j], state.swept[j] = fade * state.moved[j] + way_q, fade * state.swept[j] + way_v
-        state.moved_lately[j] = fade_lately * state.moved_lately[j] + way_q
-        state.swept_lately[j] = fade_lately * state.swept_lately[j] + way_v
-        if same(state, j) > 0 and not (q[j] == before_q and qd[j] == before_v):
+        repeated = min(state.same_position[j], state.same_velocity[j])
+        if repeated > 0 and not joint_repeats(state, j, q, qd):
             state.reversals[j] = 0
         elif before_v * qd[j] < 0.0:
             state.reversals[j] += 1
         state.same_position[j] = state.same_position[j] + 1 if q[j] == before_q else 0
         state.same_velocity[j] = state.same_velocity[j] + 1 if qd[j] == before_v else 0
         state.measured_position[j], state.measured_velocity[j] = q[j], qd[j]
-        moved, swept = state.moved_lately[j], state.swept_lately[j]
-        difference = abs(contradiction(state, j))
-        if state.trust[j] == Trust.BOTH and never_same(config, state, j) and same(state, j) >= DEAD:
-            state.trust[j] = Trust.NEITHER.value
-            find(state, Finding.STUCK.value, j, 0.0, 0.0)
-        if state.trust[j] != Trust.BOTH or not difference > config.difference:
-            continue
-        finding, trust = Finding.VELOCITY_BIASED.value, Trust.POSITION.value
-        if state.same_velocity[j] > 0 and way_q != 0.0:
-            finding = Finding.VELOCITY_STUCK.value
-        elif same(state, j) >= STUCK:
-            finding, trust = Finding.STUCK.value, Trust.NEITHER.value
-        elif state.same_position[j] >= STUCK:
-            finding, trust = Finding.POSITION_STUCK.value, Trust.VELOCITY.value
-        elif opposed(way_q, dt * qd[j], OPPOSED) or opposed(moved, swept, OPPOSED):
-            if opposed(way_q, dt * qd[j], SAME_SIZE) or opposed(moved, swept, SAME_SIZE):
-                finding = Finding.VELOCITY_SIGN.value
-        elif abs(moved) > abs(swept):
-            finding, trust = Finding.POSITION_DRIFTS.value, Trust.VELOCITY.value
-        state.trust[j] = trust
-        find(state, finding, j, difference, config.difference)
+        if has_noise(config, state, j) and min(state.same_position[j], state.same_velocity[j]) >= DEAD:
+            _reject(config, state, j, Trust.NEITHER.value)
+        elif compared:
+            way_q = q[j] - before_q
+            way_v = min(max(way_q, dt * min(qd[j], before_v)), dt * max(qd[j], before_v))
+            _add_parity(state, j, dt, way_q, way_q - way_v)
+            if contradiction(config, state, j) > config.difference:
+                _reject(config, state, j, _believed(config, state, j, dt))
 
 
 @part
-def contradiction(state: JointEstimate, j: int) -> float:
-    """Return what position shows beyond velocity [rad] that a velocity which is up to LAG_S late does not explain."""
-    difference = state.moved[j] - state.swept[j]
-    late = LAG_S * gained(state, j)
-    return float(difference - min(max(difference, min(late, 0.0)), max(late, 0.0)))
+def _add_parity(state: JointEstimate, j: int, dt: float, way: float, beyond: float) -> None:
+    """Add to the parity of joint j what position shows over `dt` [s], and what of it is beyond the velocity [rad].
 
-
-@part
-def gained(state: JointEstimate, j: int) -> float:
-    """Return the faded sum of the changes of the velocity of joint j [rad/s]; a second behind, its way lacks as much.
-
-    Implements: ours: by parts it is the velocity now, less its faded mean.
+    Implements: E. S. Page, 1954: S = max(0, S + beyond - BIAS dt), and the same of the opposite.
     """
-    return float(state.measured_velocity[j] - state.swept[j] / MEMORY_S)
+    for side in range(2):
+        state.parity[side, j] += (1 - 2 * side) * beyond - BIAS * dt
+        state.moved[side, j] += way
+        state.swept[side, j] += dt * state.measured_velocity[j]
+        if state.parity[side, j] <= 0.0:
+            state.parity[side, j] = state.moved[side, j] = state.swept[side, j] = 0.0
+            state.began[side, j] = state.measured_velocity[j]
 
 
 @part
-def same(state: JointEstimate, j: int) -> int:
-    """Return for how many samples in a row joint j has read the same to the last bit."""
-    return int(min(state.same_position[j], state.same_velocity[j]))
+def contradiction(config: EstimatorConfig, state: JointEstimate, j: int) -> float:
+    """Return the larger parity of joint j [rad], less what a velocity that is late explains: its gain by that time."""
+    gain = state.measured_velocity[j] - state.began[:, j]
+    above = state.parity[0, j] - config.late * max(gain[0], 0.0)
+    below = state.parity[1, j] - config.late * max(-gain[1], 0.0)
+    return float(max(above, below))
 
 
 @part
-def never_same(config: EstimatorConfig, state: JointEstimate, j: int) -> bool:
-    """Return whether the encoder of joint j has noise, and so never reads the same twice."""
-    return bool(config.on != 0 and state.reversals[j] >= REVERSALS)
+def _believed(config: EstimatorConfig, state: JointEstimate, j: int, dt: float) -> int:
+    """Return the Trust in a joint whose parity contradicts; dt: between samples [s].
+
+    What is equal to the last bit on its way is stuck, and does not count; else see OUTRUN.
+    """
+    side = 0 if state.parity[0, j] > state.parity[1, j] else 1
+    way = dt * abs(state.measured_velocity[j])
+    if way * min(state.same_position[j], state.same_velocity[j]) > config.unmoved:
+        return Trust.NEITHER.value
+    drifts = state.same_velocity[j] == 0 and abs(state.moved[side, j]) > OUTRUN * abs(state.swept[side, j])
+    if drifts or way * state.same_position[j] > config.unmoved:
+        return Trust.VELOCITY.value
+    return Trust.POSITION.value
 
 
 @part
-def opposed(a: float, b: float, share: float) -> bool:
-    """Return whether two ways [rad] go in opposite directions, the shorter by more than a share of the longer."""
-    return a * b < 0.0 and min(abs(a), abs(b)) > share * max(abs(a), abs(b))
+def _reject(config: EstimatorConfig, state: JointEstimate, j: int, trust: int) -> None:
+    """Let joint j continue with what is left of its measurements, and note what is wrong with the others."""
+    if state.trust[j] == Trust.BOTH:
+        state.trust[j] = trust
+        find(state, trust, j, contradiction(config, state, j), config.difference)

@@ -21,7 +21,7 @@ from slip_vic_controller.arm.joint_estimate import Finding, find, publish_joints
 from slip_vic_controller.cycle.wrench import put_own_wrench
 from slip_vic_controller.safety.effort_limiter import limit_effort, needs_restart, start_limiter
 from slip_vic_controller.safety.limit_avoidance import avoid_limits
-from slip_vic_controller.safety.modes import Mode, follows, since_when
+from slip_vic_controller.safety.modes import follows, since_when
 from slip_vic_controller.sizes import MAX_JOINTS
 from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs, CycleOutputs
 
@@ -117,9 +117,8 @@ def _oppose_disturbance(config: ControllerConfig, state: ArmState, inputs: Cycle
         for j in range(config.law.joints):
             for i in range(6):
                 of_wrench[j] += arm.J[i, j] * h[i]
-        fault = state.mode.mode == Mode.FAULT
         judged = config.tare.duration_ns == 0 or state.tare.rough != 0
-        oppose_disturbance(config.estimator, state.estimate, arm.M, of_wrench, dt, fault, judged, torque)
+        oppose_disturbance(config.estimator, state.estimate, arm.M, of_wrench, dt, judged, torque)
     else:
         for j in range(config.law.joints):
             torque[j] += state.estimate.taken_off[j]

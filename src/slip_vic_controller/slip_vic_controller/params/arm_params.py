@@ -14,11 +14,6 @@ class JointSensorConfig(JointSensorModel):
     Without noise of the velocities and without a quantum the samples are used as they are, and nothing is estimated.
     """
 
-    difference: float = parameter(
-        5e-3, "difference between position and integrated velocity of half a second that is still no fault", unit="rad",
-        gt=0.0, le=1.0,
-    )  # fmt: skip
-
     @property
     def estimates(self) -> bool:
         """Whether the joint state is estimated: where something is known of the noise."""

@@ -230,11 +230,8 @@ def finding_text(finding: Finding, joint: str, value: float, limit: float) -> st
 
 _OF_JOINT = {
     Finding.NONE: "its measurements contradict each other",
-    Finding.VELOCITY_SIGN: "its velocity has the wrong sign",
-    Finding.VELOCITY_STUCK: "its velocity is stuck",
-    Finding.POSITION_STUCK: "its position is stuck",
-    Finding.POSITION_DRIFTS: "its position drifts",
-    Finding.VELOCITY_BIASED: "its velocity is biased",
+    Finding.VELOCITY: "its velocity contradicts its position",
+    Finding.POSITION: "its position is stuck or drifts",
 }
 _OF_SENSOR = {
     Sensor.NONE: ("sensor", ""),
