@@ -21,7 +21,6 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
-        (f"share/{NAME}/launch", ["launch/slip_vic.launch.py"]),
     ],
     install_requires=[
         "setuptools",

@@ -15,8 +15,8 @@ from slip_sim_bridge.params import BridgeParams
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic.setup.bringup.hands import simulated_hand
-from slip_vic.setup.bringup.verdicts import Heard, Track, Verdict
-from slip_vic.setup.bringup.walk import Walk
+from slip_vic.setup.bringup.heard import Heard, Track
+from slip_vic.setup.bringup.walk import Verdict, Walk
 from slip_vic_controller.node.goal import GoalInterface
 from slip_vic_controller.params.node_params import ControllerNodeParams
 from slip_vic_controller.safety.modes import Request
@@ -220,32 +220,47 @@ def _late_wrench(seconds: float) -> Callable[[Any], Any]:
 
 
 QUARTER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-ERRORS = {
-    "wrench: sign": Error(("controller.wrench.sign=-1",)),
-    "wrench: frame turned about x": Error(("controller.wrench.rpy=[1.5708, 0, 0]",)),
-    "wrench: frame turned about y": Error(("controller.wrench.rpy=[0, 1.5708, 0]",)),
-    "wrench: frame turned about z": Error(("controller.wrench.rpy=[0, 0, 1.5708]",)),
-    "wrench: frame half a turn about z": Error(("controller.wrench.rpy=[0, 0, 3.14159]",)),
-    "wrench: frame 0.1 m off": Error(("controller.wrench.position=[0.1, 0, 0]",)),
-    "wrench: scale": Error(("controller.wrench.force_scale=0.5", "controller.wrench.torque_scale=0.5")),
-    "wrench: torque in N mm": Error(("controller.wrench.torque_scale=1000",)),
-    "wrench: tool weight that is not there": Error(("controller.wrench.tool_mass=0.3",)),
-    "wrench: clock 0.2 s behind": Error(inputs=_late_wrench(0.2)),
-    "object: mass": Error(("bridge.object.mass=0.8",)),
-    "joints: 2 and 4 swapped": Error(inputs=_swap(1, 3), effort=_swapped_effort(1, 3)),
-    "joints: 6 and 7 swapped": Error(inputs=_swap(5, 6), effort=_swapped_effort(5, 6)),
-    "joints: efforts of 1 and 2 swapped": Error(effort=_swapped_effort(0, 1)),
-    "joints: sign of 3": _joint_sign(2),
-    "gravity: the arm does not compensate": Error(("controller.effort.gravity=robot_compensates",)),
-    "gravity: twice": Error(effort=lambda effort, gravity: effort + gravity),
-    "slip: sign": Error(inputs=_slip(-np.eye(3))),
-    "slip: axes turned about z": Error(inputs=_slip(QUARTER)),
-    "slip: offset": Error(("bridge.sensors.slip.faults.bias=[0.02, 0, 0, 0, 0, 0]",)),
-    "slip: silent": Error(("bridge.sensors.slip.faults.silent=true",)),
-    "slip: invalid": Error(("bridge.sensors.slip.faults.invalid=true",)),
-    "wrench: silent": Error(("bridge.sensors.wrench.silent=true",)),
-    "wrench: noise": Error(("bridge.sensors.wrench.noise_force=0.5",)),
-    "rate: a controller for 250 Hz": Error(("controller.control_period_s=0.004",)),
-    "started at work": Error(("controller.safety.auto_enable=true",)),
-    "friction: none left": Error(("bridge.friction.mu_s=0.08", "bridge.friction.mu_k=0.06")),
-}
+SWAPPED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+ERRORS: dict[str, tuple[Error, str, str]] = {
+    "wrench: sign": (Error(("controller.wrench.sign=-1",)), "weight", "wrench.sign"),
+    "wrench: turned about x": (Error(("controller.wrench.rpy=[1.5708, 0, 0]",)), "weight", "90 degrees"),
+    "wrench: turned about y": (Error(("controller.wrench.rpy=[0, 1.5708, 0]",)), "weight", "90 degrees"),
+    "wrench: turned about z": (Error(("controller.wrench.rpy=[0, 0, 1.5708]",)), "push +x", "wrench.rpy"),
+    "wrench: half a turn about z": (Error(("controller.wrench.rpy=[0, 0, 3.14159]",)), "weight", "wrench.rpy"),
+    "wrench: 0.1 m off": (Error(("controller.wrench.position=[0.1, 0, 0]",)), "weight", "wrench.position"),
+    "wrench: scale": (Error(("controller.wrench.force_scale=0.5",)), "weight", "-2.45 N off"),
+    "wrench: a tenth": (Error(("controller.wrench.force_scale=0.1",)), "weight", "wrench.force_scale"),
+    "wrench: torque in N mm": (Error(("controller.wrench.torque_scale=1000",)), "weight", "torque_scale"),
+    "wrench: tool that is not there": (Error(("controller.wrench.tool_mass=0.3",)), "weight", "tool_mass"),
+    "wrench: clock 0.2 s behind": (Error(inputs=_late_wrench(0.2)), "wrench", "clocks"),
+    "wrench: clock 0.2 s ahead": (Error(inputs=_late_wrench(-0.2)), "wrench", "ahead"),
+    "wrench: silent": (Error(("bridge.sensors.wrench.silent=true",)), "wrench", "start the driver"),
+    "wrench: noise": (Error(("bridge.sensors.wrench.noise_force=0.5",)), "rest", "filter the wrench"),
+    "object: mass": (Error(("bridge.object.mass=0.8",)), "weight", "object.mass"),
+    "joints: 2 and 4 swapped": (
+        Error(inputs=_swap(1, 3), effort=_swapped_effort(1, 3)), "weight", "joint_names"
+    ),
+    "joints: 6 and 7 swapped": (
+        Error(inputs=_swap(5, 6), effort=_swapped_effort(5, 6)), "weight", "joint_names"
+    ),
+    "joints: efforts of 1 and 2 swapped": (Error(effort=_swapped_effort(0, 1)), "hold", "order of efforts"),
+    "joints: sign of 3": (_joint_sign(2), "joint arm_joint2", "calls arm_joint2 what the URDF calls arm_joint3"),
+    "gravity: the arm does not compensate": (
+        Error(("controller.effort.gravity=robot_compensates",)), "hold", "effort.gravity"
+    ),
+    "gravity: twice": (Error(effort=lambda effort, gravity: effort + gravity), "hold", "effort.gravity"),
+    "slip: sign": (Error(inputs=_slip(-np.eye(3))), "pull +x", "the sign of all its readings"),
+    "slip: axes swapped": (Error(inputs=_slip(SWAPPED)), "pull +x", "axes"),
+    "slip: axes turned about z": (Error(inputs=_slip(QUARTER)), "pull +x", "axes"),
+    "slip: offset": (Error(("bridge.sensors.slip.faults.bias=[0.02, 0, 0, 0, 0, 0]",)), "rest", "calibrate"),
+    "slip: silent": (Error(("bridge.sensors.slip.faults.silent=true",)), "slip", "start the driver"),
+    "slip: invalid": (Error(("bridge.sensors.slip.faults.invalid=true",)), "rest", "does not measure"),
+    "rate: a controller for 250 Hz": (
+        Error(("controller.control_period_s=0.004",)), "joint_states", "control_period_s"
+    ),
+    "started at work": (Error(("controller.safety.auto_enable=true",)), "controller", "trajectory.kind:=goal"),
+    "friction: none left": (
+        Error(("bridge.friction.mu_s=0.08", "bridge.friction.mu_k=0.06")), "friction", "more grip"
+    ),
+}  # fmt: skip
+"""What is wrong, the step that finds it, and a part of what it says to do."""

@@ -124,9 +124,10 @@ def run(
             click.echo(f"bag: {record} ({result.messages} messages, {result.lost} lost)")
         if page is not None:
             from slip_vic.page.page import write_page
+            from slip_vic.run.data import read_data
 
             assert result.bag is not None
-            write_page(page, {law: result.bag}, command="slip-vic run", title=loaded.name)
+            write_page(page, {law: read_data(result.bag)}, command="slip-vic run")
             click.echo(f"page: {page}")
         elif record is not None:
             click.echo(f"page: slip-vic report {record} -o report.html")

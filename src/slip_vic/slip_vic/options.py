@@ -83,29 +83,23 @@ def _law(name: str) -> None:
     find_law(name)
 
 
-def _one(find: Callable[[str], object]) -> Callable[[click.Context, click.Parameter, str], str]:
-    """Return the callback of an option with a name that `find` must know, or none."""
+def _checked(find: Callable[[str], object], *, many: bool) -> Callable[[click.Context, click.Parameter, str], Any]:
+    """Return the callback of an option with a name, or comma separated ones, that `find` must know; or none."""
 
-    def check(context: click.Context, parameter: click.Parameter, value: str) -> str:
-        if value:
-            find(value)
-        return value
-
-    return check
-
-
-def _many(find: Callable[[str], object]) -> Callable[[click.Context, click.Parameter, str], tuple[str, ...]]:
-    """Return the callback of an option with names that `find` must know."""
-
-    def check(context: click.Context, parameter: click.Parameter, value: str) -> tuple[str, ...]:
-        for name in names(value):
+    def check(context: click.Context, parameter: click.Parameter, value: str) -> Any:
+        found = names(value) if many else tuple(filter(None, [value]))
+        for name in found:
             find(name)
-        return names(value)
+        return found if many else value
 
     return check
 
 
-_SCENARIO, _SENSOR, _DRIVE = (functools.partial(find_preset, kind) for kind in ("scenarios", "sensors", "drives"))
+def _preset(kind: str, words: str, *, many: bool = False, **more: Any) -> Decorator:
+    """Return the option of a preset, or several."""
+    flag, find = f"--{kind}", functools.partial(find_preset, f"{kind}s")
+    dest = f"{kind}s" if many else kind
+    return click.option(flag, dest, **{"default": "", "callback": _checked(find, many=many), "help": words, **more})
 
 
 def _package(context: click.Context, parameter: click.Parameter, values: tuple[str, ...]) -> None:
@@ -121,30 +115,16 @@ def out_option(default: str | None, text: str, **more: Any) -> Decorator:
     )  # fmt: skip
 
 
-SCENARIO: Final = click.option(
-    "--scenario", default="paper_planar", show_default=True, callback=_one(_SCENARIO), help="name or .yaml file"
-)
-SCENARIOS: Final = click.option(
-    "--scenario", "scenarios", default="", callback=_many(_SCENARIO),
-    help="names or .yaml files, comma separated; default all",
-)  # fmt: skip
+SCENARIO: Final = _preset("scenario", "name or .yaml file", default="paper_planar", show_default=True)
+SCENARIOS: Final = _preset("scenario", "names or .yaml files, comma separated; default all", many=True)
+SENSOR: Final = _preset("sensor", "name or .yaml file of a slip sensor")
+SENSORS: Final = _preset("sensor", "names or .yaml files, comma separated; default all", many=True)
+DRIVE: Final = _preset("drive", "name or .yaml file of the arm's drives")
+DRIVES: Final = _preset("drive", "names or .yaml files, comma separated", many=True)
 LAWS_OPTION: Final = click.option(
-    "--law", "laws", default="classical,vic,governed", show_default=True, callback=_many(_law), help="comma separated"
-)
-SENSOR: Final = click.option("--sensor", default="", callback=_one(_SENSOR), help="name or .yaml file of a slip sensor")
-SENSORS: Final = click.option(
-    "--sensor",
-    "sensors",
-    default="",
-    callback=_many(_SENSOR),
-    help="names or .yaml files, comma separated; default all",
-)
-DRIVE: Final = click.option(
-    "--drive", default="", callback=_one(_DRIVE), help="name or .yaml file of the arm's drives"
+    "--law", "laws", default="classical,vic,governed", show_default=True, callback=_checked(_law, many=True),
+    help="comma separated",
 )  # fmt: skip
-DRIVES: Final = click.option(
-    "--drive", "drives", default="", callback=_many(_DRIVE), help="names or .yaml files, comma separated"
-)
 ASSIGNMENTS: Final = click.option(
     "--set", "assignments", multiple=True, metavar="KEY=VALUE", help="override a parameter; repeatable"
 )

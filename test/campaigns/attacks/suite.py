@@ -15,12 +15,12 @@ from typing import Any, Final
 import numpy as np
 import psutil
 import rclpy
-from numpy.typing import NDArray
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from slip_core.errors import ProtocolError
+from slip_core.stamps import stamp_to_ns
 from slip_msgs_py.environment import choose_transport
 from slip_msgs_py.qos import create_subscription
 from slip_vic.run.domain import domain_id
@@ -33,7 +33,7 @@ from slip_vic_controller.safety.effort_limiter import LONGEST_STEP_S, RESTART_AF
 from test.campaigns.attacks.attacks import ATTACKS, TWO_SOURCES
 from test.campaigns.attacks.flood import FOREIGN
 from test.campaigns.attacks.operator import Operator
-from test.campaigns.faults.monitors import NS, ROUNDING
+from test.campaigns.faults.monitors import CommandMonitor, Promise
 from test.campaigns.faults.plan import BRIDGE, CONTROLLER, EFFORT, PERIOD_S, Plan, endless_scenario
 from test.campaigns.faults.wire import Wire
 
@@ -88,38 +88,24 @@ class CommandWatch:
 
     def __init__(self, scenario: Scenario, effort_rate: float | None) -> None:
         params = scenario.controller
-        limits = params.safety.limits
+        rate = params.safety.limits.effort_rate if effort_rate is None else effort_rate
+        most = Robot(scenario.urdf, params.ee_frame, params.joint_names, params.gravity).effort_limit
+        # By the stamps of the states that they answer, between which a cycle may take the longest step.
+        slope, pause_s = rate * LONGEST_STEP_S / PERIOD_S, RESTART_AFTER_S
         self._wire = Wire(EFFORT, params.joint_names, params.ee_frame)
-        self._most = Robot(scenario.urdf, params.ee_frame, params.joint_names, params.gravity).effort_limit
-        self._step = (limits.effort_rate if effort_rate is None else effort_rate) * LONGEST_STEP_S
-        self._pause_s = RESTART_AFTER_S
-        self._last: tuple[float, NDArray[np.float64]] | None = None
-        self.violations: list[str] = []
-        self.commands = 0
-        self.judges_steps = True
+        self.monitor = CommandMonitor(Promise(most, slope, pause_s, pause_s, PERIOD_S))
+        self.judges_steps, self._stamp_ns = True, 0
 
     def take(self, data: bytes) -> None:
         """Judge a command, unless an attacker sent it."""
         if FOREIGN.encode() in data:
             return
         message = self._wire.typed(data)
-        effort = np.array(message.effort)
-        stamp_s = message.header.stamp.sec + NS * message.header.stamp.nanosec
-        if len(effort) == 0:
-            self._last = None
-            return
-        self.commands += 1
-        if effort.shape != self._most.shape or not np.isfinite(effort).all() or (np.abs(effort) > self._most).any():
-            self.violations.append(f"{stamp_s:.3f} s: command {effort.tolist()}")
-            self._last = None
-            return
-        if self._last is not None and self.judges_steps:
-            passed_s = stamp_s - self._last[0]
-            cycles = max(1.0, round(passed_s / PERIOD_S))  # more than one: a message did not reach this monitor
-            step = float(np.abs(effort - self._last[1]).max())
-            if passed_s <= self._pause_s and step > cycles * self._step + ROUNDING:
-                self.violations.append(f"{stamp_s:.3f} s: effort steps by {step:.3f} N m")
-        self._last = (stamp_s, effort)
+        effort, stamp_ns = np.array(message.effort), stamp_to_ns(message.header.stamp)
+        if not self.judges_steps or stamp_ns <= self._stamp_ns:
+            self.monitor.restarted()
+        self._stamp_ns = stamp_ns
+        self.monitor.take(stamp_ns, effort, lambda: [effort], stamp_ns)
 
 
 class Stage:
@@ -192,7 +178,7 @@ class Stage:
             if child.exit_code is not None
         ]
         return Row(
-            attack=name, violations=(*self.watch.violations, *deaths), alive=not deaths,
+            attack=name, violations=(*self.watch.monitor.violations, *deaths), alive=not deaths,
             worst_mode=max(operator.modes, key=("", "ACTIVE", "DEGRADED", "HOLD", "WAITING_INPUT", "FAULT").index),
             lines_per_s=rate, grown_mib=float("nan") if deaths else self._memory() - memory,
             recovery_s=recovery_s, helped=helped, note=note,
@@ -201,8 +187,8 @@ class Stage:
     def _returns(self, seconds: float) -> bool:
         """Return whether the law is active and gives commands after a settling time, within so many seconds."""
         self.wait(SETTLED_S)
-        before = self.watch.commands
-        return self.wait(seconds, lambda: self.operator.mode in FOLLOWS and self.watch.commands > before)
+        before = self.watch.monitor.commands
+        return self.wait(seconds, lambda: self.operator.mode in FOLLOWS and self.watch.monitor.commands > before)
 
     def _memory(self) -> float:
         return sum(psutil.Process(child.pid).memory_info().rss for child in self._nodes.values()) / MIB

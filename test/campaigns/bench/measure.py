@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Final, NamedTuple
+
+import pandas as pd
 
 from slip_msgs_py.realtime import ProcessOptions
 from slip_vic.scenarios.scenario import load_scenario
 from test.campaigns.bench import cost, dds
 from test.campaigns.bench.machine import calibration_s, fifo_permitted, machine
-from test.campaigns.bench.samples import Metric, Rounds, relative_spread, rotated
 
 FIFO_PRIORITY = 80
 RATES_HZ = (500, 1000, 2000)
+LATENCIES = ("p50", "p99", "p999", "max")
 Say = Callable[[str], None]
 
 
-@dataclass(frozen=True, slots=True)
-class Effort:
+class Effort(NamedTuple):
     """How long to measure: rounds, round trips and lockstep time per round, and seconds of each free run."""
 
     rounds: int = 5
@@ -32,130 +32,105 @@ class Effort:
 QUICK = Effort(rounds=2, round_trips=300, lockstep_s=0.3, loop_ticks=200, turns=60, free_s=1.0)
 
 
-@dataclass(frozen=True, slots=True)
-class BenchResult:
-    """Metrics by name, the free runs, the machine, and how much its speed varied between rounds."""
+class Metric(NamedTuple):
+    """A quantity of each round: `over`, as it was measured, or over another one, times `scale`."""
 
-    metrics: dict[str, Metric]
-    free_running: dict[str, dict[str, float]]
+    name: str
+    over: str
+    under: str = ""
+    unit: str = ""
+    note: str = ""
+    scale: float = 1.0
+
+
+_BARE, _GOVERNED = "pinocchio terms", "control step, governed"
+METRICS: Final = (
+    Metric("control_step_ratio", "control step", _BARE, note="control step / Pinocchio terms it needs"),
+    Metric("control_step_observer_ratio", "control step, observer", _BARE, note="the same with slip observer"),
+    Metric("control_step_governed_ratio", _GOVERNED, _BARE, note="the same with reference governor"),
+    Metric("estimator_ratio", "control step, estimator", _GOVERNED, note="with / without joint state estimator"),
+    Metric("velocity_ratio", "control step, velocity", _GOVERNED, note="commands of velocities / efforts"),
+    Metric("supervised_loop_real_time_factor", "supervised loop", "", "x", "simulator, sensors, whole cycle"),
+    Metric("lockstep_ratio", "r0", "lockstep", note="R0 round trip / lockstep tick, two processes"),
+    Metric("recorder_ratio", "lockstep, recorded", "lockstep", note="lockstep tick with / without recorder"),
+    Metric("pinocchio_terms_us", _BARE, unit="us", scale=1e6),
+    Metric("control_step_us", "control step", unit="us", scale=1e6),
+    Metric("control_step_governed_us", _GOVERNED, unit="us", scale=1e6),
+    Metric("r0_us", "r0", unit="us", scale=1e6),
+    Metric("lockstep_tick_us", "lockstep", unit="us", scale=1e6),
+)
+
+
+class BenchResult(NamedTuple):
+    """Metrics and free runs by name, the machine, and how much equal work varied between rounds.
+
+    metrics: median, min and max over the rounds. memory_mib: the most that each process had resident.
+    """
+
+    metrics: pd.DataFrame
+    free_running: pd.DataFrame
     memory_mib: dict[str, float]
     machine: dict[str, Any]
     noise: float
-    notes: list[str]
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return it for ``bench.json``; the figures that are asked for by name stand at the top."""
-        top = (
-            "control_step_ratio",
-            "control_step_observer_ratio",
-            "supervised_loop_real_time_factor",
-            "lockstep_ratio",
-        )
-        return {
-            **{name: self.metrics[name].median for name in top if name in self.metrics},
-            "free_running": self.free_running,
-            "metrics": {name: metric.as_dict() for name, metric in self.metrics.items()},
-            "memory_mib": self.memory_mib,
-            "machine": self.machine,
-            "noise": self.noise,
-            "notes": self.notes,
-        }
 
 
 def run_bench(effort: Effort, say: Say) -> BenchResult:
     """Measure everything; `say` gets each stage."""
-    notes: list[str] = []
-    found = machine()
-    rounds = _rounds(effort, say)
+    found, rounds = machine(), _rounds(effort, say)
     say("free running")
-    free, memory = _free_running(effort, notes)
-    return BenchResult(
-        metrics=_metrics(rounds),
-        free_running=free,
-        memory_mib=memory,
-        machine=found,
-        noise=relative_spread(rounds.values["calibration"]),
-        notes=notes,
-    )
+    free, memory = _free_running(effort)
+    speed = rounds["calibration"]
+    return BenchResult(over_rounds(rounds), free, memory, found, float((speed.max() - speed.min()) / speed.median()))
 
 
-def _rounds(effort: Effort, say: Say) -> Rounds:
-    rounds = Rounds()
-    scenario = dds.lockstep_scenario(effort.lockstep_s)
-    vic = load_scenario(cost.SCENARIO)
+def over_rounds(rounds: pd.DataFrame) -> pd.DataFrame:
+    """Return median, min and max of each metric; ratios are formed within a round: what slows both does not show."""
+    values = {m.name: m.scale * rounds[m.over] / (rounds[m.under] if m.under else 1.0) for m in METRICS}
+    return pd.DataFrame(values).agg(["median", "min", "max"]).T
+
+
+def _rounds(effort: Effort, say: Say) -> pd.DataFrame:
+    scenario, vic = dds.lockstep_scenario(effort.lockstep_s), load_scenario(cost.SCENARIO)
     step = cost.stretch(vic)
     pieces: dict[str, cost.Call | cost.Stretch] = {
         "control step": step,
-        "pinocchio terms": cost.bare_terms(step.session.controller.first.robot, step.inputs[0].joint),
+        _BARE: cost.bare_terms(step.session.controller.first.robot, step.inputs[0].joint),
+        "control step, observer": cost.stretch(cost.observer_scenario()),
+        _GOVERNED: cost.stretch(cost.governed_scenario()),
+        "control step, estimator": cost.stretch(cost.governed_scenario("torque_joint")),
+        "control step, velocity": cost.stretch(cost.governed_scenario("velocity_500")),
     }
-    pieces["control step, observer"] = cost.stretch(cost.observer_scenario())
-    pieces["control step, governed"] = cost.stretch(cost.governed_scenario())
-    for name, drive in (("estimator", "torque_joint"), ("velocity", "velocity_500")):
-        pieces[f"control step, {name}"] = cost.stretch(cost.governed_scenario(drive))
-    measures: dict[str, Callable[[], float]] = {
+    measures: Mapping[str, Callable[[], float]] = {
         "r0": lambda: dds.round_trip_s(effort.round_trips),
         "lockstep": lambda: dds.lockstep_tick_s(scenario),
         "lockstep, recorded": lambda: dds.lockstep_tick_s(scenario, record=True),
         "supervised loop": lambda: cost.supervised_loop_factor(vic, effort.loop_ticks),
     }
+    rows = []
     for number in range(effort.rounds):
         say(f"round {number + 1} of {effort.rounds}")
-        rounds.add("calibration", calibration_s())
-        for name, value in cost.interleaved(pieces, effort.turns).items():
-            rounds.add(name, value)
-        for name in rotated(list(measures), number):
-            rounds.add(name, measures[name]())
-    return rounds
+        row = {"calibration": calibration_s(), **cost.interleaved(pieces, effort.turns)}
+        rows.append(row | {name: measures[name]() for name in rotated(list(measures), number)})
+    return pd.DataFrame(rows)
 
 
-def _metrics(rounds: Rounds) -> dict[str, Metric]:
-    ratio, bare, before = rounds.ratio, "pinocchio terms", "control step, governed"
-
-    def microseconds(name: str, source: str) -> Metric:
-        return rounds.metric(name, source, "us", scale=1e6)
-
-    metrics = [
-        ratio("control_step_ratio", "control step", bare, "control step / Pinocchio terms it needs"),
-        ratio("control_step_observer_ratio", "control step, observer", bare, "the same with slip observer"),
-        ratio("control_step_governed_ratio", "control step, governed", bare, "the same with reference governor"),
-        ratio("estimator_ratio", "control step, estimator", before, "with / without joint state estimator"),
-        ratio("velocity_ratio", "control step, velocity", before, "commands of velocities / efforts"),
-        rounds.metric("supervised_loop_real_time_factor", "supervised loop", "x", "simulator, sensors, whole cycle"),
-        ratio("lockstep_ratio", "r0", "lockstep", "R0 round trip / lockstep tick, two processes"),
-        ratio("recorder_ratio", "lockstep, recorded", "lockstep", "lockstep tick with / without recorder"),
-        microseconds("pinocchio_terms_us", bare),
-        microseconds("control_step_us", "control step"),
-        microseconds("control_step_governed_us", "control step, governed"),
-        microseconds("r0_us", "r0"),
-        microseconds("lockstep_tick_us", "lockstep"),
-    ]
-    return {metric.name: metric for metric in metrics}
+def rotated(names: Sequence[str], number: int) -> list[str]:
+    """Return the names, starting with another one each round."""
+    start = number % len(names)
+    return [*names[start:], *names[:start]]
 
 
-def _free_running(effort: Effort, notes: list[str]) -> tuple[dict[str, dict[str, float]], dict[str, float]]:
-    """Run in real time with the recorder at every rate, as normal processes and under SCHED_FIFO where permitted.
-
-    The rate's own entry is the best that is permitted; ``<rate>_normal`` is without privilege.
-    """
-    kinds = {"normal": ProcessOptions()}
-    if fifo_permitted():
-        kinds["fifo"] = ProcessOptions(fifo=FIFO_PRIORITY)
-    else:
-        notes.append("SCHED_FIFO is not permitted: free running is at normal priority")
-    found: dict[str, dict[str, float]] = {}
-    memory: dict[str, float] = {}
+def _free_running(effort: Effort) -> tuple[pd.DataFrame, dict[str, float]]:
+    """Run in real time with the recorder at every rate, as normal processes and under SCHED_FIFO where permitted."""
+    kinds = {"normal": ProcessOptions()} | ({"fifo": ProcessOptions(fifo=FIFO_PRIORITY)} if fifo_permitted() else {})
+    rows, memory = {}, dict[str, float]()
     for rate in RATES_HZ:
         for kind, process in kinds.items():
             result = dds.free_run(rate, effort.free_s, process)
-            memory = {name: max(mib, memory.get(name, 0.0)) for name, mib in result.memory_mib.items()}
-            numbers = {
-                "fresh": result.timing["fresh_share"],
-                "lost": result.timing["missed"],
-                "recorder_lost": float(result.lost),
-                "real_time_factor": result.real_time_factor,
-            }
-            for name in ("p50", "p99", "p999", "max"):
-                numbers[f"latency_{name}_ms"] = 1e3 * result.timing[f"latency_{name}_s"]
-            found[f"{rate}_{kind}"] = numbers
-        found[str(rate)] = found[f"{rate}_{list(kinds)[-1]}"]
-    return found, memory
+            memory |= {name: max(mib, memory.get(name, 0.0)) for name, mib in result.memory_mib.items()}
+            rows[f"{rate}_{kind}"] = {
+                "fresh": result.timing["fresh_share"], "missed": result.timing["missed"],
+                "recorder_lost": float(result.lost), "real_time_factor": result.real_time_factor,
+                **{f"latency_{key}_ms": 1e3 * result.timing[f"latency_{key}_s"] for key in LATENCIES},
+            }  # fmt: skip
+    return pd.DataFrame.from_dict(rows, orient="index"), memory

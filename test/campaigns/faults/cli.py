@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import click
 from rich.box import SIMPLE_HEAD
@@ -16,9 +17,6 @@ from rich.table import Table
 from slip_core.errors import InputError
 from slip_vic.run.progress import progress
 
-if TYPE_CHECKING:
-    from test.campaigns.faults.campaign import Tally
-
 SHOWN_VIOLATIONS = 5
 
 
@@ -26,7 +24,6 @@ SHOWN_VIOLATIONS = 5
 @click.option("--trials", type=click.IntRange(1), default=100, show_default=True)
 @click.option("--seed", type=click.IntRange(0), default=1, show_default=True)
 @click.option("--first", type=click.IntRange(0), default=0, show_default=True, help="number of the first trial")
-@click.option("--two-arms", is_flag=True, help="two arms on one object: do both stop together?")
 @click.option(
     "--interface",
     type=click.Choice(["effort", "velocity", "position"]),
@@ -42,7 +39,6 @@ def faults(
     trials: int,
     seed: int,
     first: int,
-    two_arms: bool,
     interface: str | None,
     attacking: bool,
     only: tuple[str, ...],
@@ -59,26 +55,28 @@ def faults(
     if attacking:
         _attack(only, out)
         return
-    console = Console(stderr=True)
-    numbers, failures = range(first, first + trials), 0
-    tally = campaign.Tally(seed, two_arms=two_arms, interface=interface or "")
+    console, verdicts, failed = Console(stderr=True), list[campaign.Verdict](), list[campaign.Verdict]()
 
     def on_done(verdict: campaign.Verdict) -> None:
-        nonlocal failures
+        verdicts.append(verdict)
         if verdict.violations:
-            failures += 1
+            failed.append(verdict)
             console.print(verdict.text(), markup=False, highlight=False, soft_wrap=True)
-        report(len(tally.verdicts), f"{failures} with violations")
+        report(len(verdicts), f"{len(failed)} with violations")
 
     try:
         with progress("fault trials", trials, 0, console) as report:
-            campaign.run_in_process(tally, numbers, workers or min(trials, os.cpu_count() or 1), out, on_done)
+            processes = workers or min(trials, os.cpu_count() or 1)
+            campaign.run_campaign(range(first, first + trials), seed, interface or "", processes, out, on_done)
     finally:
-        if tally.verdicts:
-            path = campaign.write_results(out, tally)
-            _report(tally)
+        if verdicts:
+            path = campaign.write_results(out, verdicts)
+            _report(campaign.summary(verdicts))
             click.echo(f"results: {path}")
-    if tally.failed:
+    for verdict in failed[:SHOWN_VIOLATIONS]:
+        flag = f" --interface {interface}" if interface else ""
+        click.echo(f"{verdict.text()}\n  again: ./run faults{flag} --seed {seed} --first {verdict.trial} --trials 1")
+    if failed:
         sys.exit(1)
 
 
@@ -112,8 +110,7 @@ def _attack(only: tuple[str, ...], out: Path) -> None:
         sys.exit(1)
 
 
-def _report(tally: Tally) -> None:
-    summary = tally.summary()
+def _report(summary: Mapping[str, Any]) -> None:
     table = Table("fault", "trials", "violations", "recovered", "recovery median / max, s")
     for name, row in summary["by_fault"].items():
         times = (row["recovery_median_s"], row["recovery_max_s"])
@@ -124,8 +121,3 @@ def _report(tally: Tally) -> None:
         f"{summary['trials']} trials, {summary['commands']} commands, {summary['violations']} trials with violations; "
         f"95 % bound on the share of bad trials: {100.0 * summary['bound_95']:.3g} %"
     )
-    for verdict in tally.failed[:SHOWN_VIOLATIONS]:
-        click.echo(verdict.text())
-        flag = " --two-arms" if tally.two_arms else ""
-        flag += f" --interface {tally.interface}" if tally.interface else ""
-        click.echo(f"  again: ./run faults{flag} --seed {tally.seed} --first {verdict.trial} --trials 1")

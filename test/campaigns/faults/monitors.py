@@ -238,27 +238,3 @@ class SafeStateMonitor:
             if passed_s > limit + REACTION_S and self._told.get((what, name)) != newest:
                 self.violations.append(f"{now_s:.3f} s: {what} at work {passed_s:.3f} s after the last good {name}")
                 self._told[what, name] = newest
-
-
-@dataclass
-class TogetherMonitor:
-    """The law works for all arms or for none, whenever the controller has run.
-
-    arms: their names; period_s: one cycle of difference is the law that could not be evaluated.
-    """
-
-    arms: Sequence[str]
-    period_s: float
-    violations: list[str] = field(default_factory=list)
-    _apart_since: float | None = None
-
-    def check(self, now_s: float, follows: tuple[bool, ...]) -> None:
-        """Judge whether the law of each arm is at work at a moment."""
-        if len(set(follows)) == 1:
-            self._apart_since = None
-        elif self._apart_since is None:
-            self._apart_since = now_s
-        elif now_s - self._apart_since > 1.5 * self.period_s:
-            pulls = self.arms[follows.index(True)]
-            self.violations.append(f"{now_s:.3f} s: the {pulls} arm follows the law while another one holds")
-            self._apart_since = None

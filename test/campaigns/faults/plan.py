@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -72,9 +73,9 @@ def change_factor(size: float) -> float:
     return float(10.0 ** (2.0 * size - 1.0))
 
 
-def retuned(values: Mapping[str, Any], size: float, arm: str = "") -> dict[str, Any]:
-    """Return the parameters that the fault "gains" changes, changed; values: by name; arm: prefix of the names."""
-    factor, (stiffness, k_s, mass) = change_factor(size), (f"{arm}{name}" for name in RETUNED)
+def retuned(values: Mapping[str, Any], size: float) -> dict[str, Any]:
+    """Return the parameters that the fault "gains" changes, changed; values: by name."""
+    factor, (stiffness, k_s, mass) = change_factor(size), RETUNED
     return {
         stiffness: [factor * k for k in values[stiffness]],
         k_s: min(factor * values[k_s], 200.0),
@@ -123,6 +124,27 @@ class Plan:
         wrench = "" if self.wrench == "sensor" else " no_wrench_sensor"
         arm = f"{self.interface} {self.drive}{wrench} {self.sensor}"
         return f"{self.scenario} {self.controller}{observer} {self.task} {arm}"
+
+
+class Verdict(NamedTuple):
+    """What a trial showed.
+
+    recovery_s: from the last fault's end to the law; None: not. objects_lost: how often the object left the pads; the
+    simulation is then restarted, as an operator would.
+    """
+
+    trial: int
+    faults: tuple[str, ...]
+    violations: tuple[str, ...]
+    recovery_s: float | None
+    commands: int
+    modes: Counter[str]
+    objects_lost: int
+    setting: str
+
+    def text(self) -> str:
+        """Return the number of the trial, its faults and its first violation."""
+        return f"trial {self.trial} ({', '.join(self.faults)}): {self.violations[0]}"
 
 
 Cases = tuple[tuple[str, str], ...]

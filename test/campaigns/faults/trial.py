@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from collections import Counter
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import cache, partial
 from typing import Any
 
@@ -53,6 +52,7 @@ from test.campaigns.faults.plan import (
     WRENCH,
     Fault,
     Plan,
+    Verdict,
     change_factor,
     realtime_scenario,
     retuned,
@@ -66,21 +66,6 @@ START_NS = 1_000_000_000_000  # of the wall clock
 STEADY_NS = 5_000_000_000
 RESTART_S = 0.2  # time from the start of a node to its first message
 GOAL_TICKS, GOAL_STEP, AMPLITUDE = 100, np.array((0.0, 0.06, 0.02)), 0.02  # of goals [m] and references [m]
-
-
-@dataclass
-class Outcome:
-    """What a trial showed: violations, seconds from the last fault's end to the law (None: not), modes and commands.
-
-    objects_lost: how often the object left the pads; the simulation is then restarted, as an operator would.
-    """
-
-    plan: Plan
-    violations: list[str]
-    recovery_s: float | None
-    modes: Counter[str]
-    commands: int
-    objects_lost: int = 0
 
 
 @cache
@@ -216,7 +201,7 @@ class Trial:
         self._stand_still_ns: int | None = None
         self._newest_stamp_ns = self._lost = 0
 
-    def run(self) -> Outcome:
+    def run(self) -> Verdict:
         """Run to the end; what the code raises is a violation too."""
         try:
             self._run()
@@ -225,7 +210,10 @@ class Trial:
         except Exception as error:  # whatever it is, it must not happen
             self._commands.violations.append(f"{type(error).__name__}: {error}")
         violations = self._commands.violations + self._joints.violations + self._safe.violations + self._work.violations
-        return Outcome(self._plan, violations, self._recovered, self._modes, self._commands.commands, self._lost)
+        return Verdict(
+            self._plan.trial, tuple(fault.name for fault in self._plan.faults), tuple(violations), self._recovered,
+            self._commands.commands, self._modes, self._lost, self._plan.setting,
+        )  # fmt: skip
 
     def _run(self) -> None:
         self._bridge = self._new_bridge(self._bridge_params, START_NS)
@@ -449,6 +437,6 @@ def starts_of(session: OneArm, joint: JointSample) -> list[NDArray[np.float64]]:
     return [*starts, session.gravity] if session.begun else starts
 
 
-def run_trial(plan: Plan) -> Outcome:
+def run_trial(plan: Plan) -> Verdict:
     """Run one plan in process."""
     return Trial(plan).run()

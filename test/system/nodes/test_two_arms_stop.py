@@ -17,7 +17,7 @@ from slip_msgs_py.events import Started
 from slip_vic.replay.run_data import read_run
 from slip_vic.replay.verify import verify_run
 from slip_vic.run.judge import Verdict, judge_bag
-from slip_vic.run.node_command import MODULES, parameter_arguments, run_parameters
+from slip_vic.run.node_command import node_command
 from slip_vic.run.prepare import prepare
 from slip_vic.run.processes import Child
 from slip_vic.run.recording import recorder_command
@@ -92,12 +92,11 @@ def modes_of(bag: Bag, side: str) -> dict[int, Mode]:
     return {row[1] * 1_000_000_000 + row[2]: Mode(row[-3]) for row in rows}
 
 
-def start_nodes(scenario: Scenario, processes: Processes, folder: Path, recording: bool) -> tuple[Child, Child]:
+def start_nodes(scenario: Scenario, processes: Processes, folder: Path) -> tuple[Child, Child]:
     """Start controller and bridge, and wait until the run begins."""
     nodes = []
-    for name, params in zip(("controller", "bridge"), run_parameters(scenario, recording), strict=True):
-        words = parameter_arguments(name, params, folder)
-        nodes.append(processes.python(name, "-m", MODULES[name], "--ros-args", *words))
+    for name in ("controller", "bridge"):
+        nodes.append(processes.start(name, node_command(name, getattr(scenario, name), folder)))
     wait_until(lambda: nodes[1].last(Started) is not None, "the bridge", STARTS_S)
     return nodes[0], nodes[1]
 
@@ -130,10 +129,10 @@ def stop_and_go_on(operator: Operator) -> None:
 def recorded(operator: Operator, processes: Processes, tmp_path: Path) -> tuple[Path, Verdict]:
     """Run both nodes in lockstep with a recorder, while an operator stops them in every way."""
     prepare()
-    scenario = load_scenario("pane_two_arms_upright", assignments=ASSIGNMENTS)
+    scenario = load_scenario("pane_two_arms_upright", assignments=(*ASSIGNMENTS, "expected_subscribers=2"))
     bag = tmp_path / "bag"
     recorder = processes.start("recorder", recorder_command(scenario, bag, tmp_path, ""))
-    controller, bridge = start_nodes(scenario, processes, tmp_path, recording=True)
+    controller, bridge = start_nodes(scenario, processes, tmp_path)
     stop_and_go_on(operator)
     for child in (bridge, controller, recorder):
         assert processes.stop(child, signal.SIGINT) == 0, child.tail()

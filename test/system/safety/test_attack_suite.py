@@ -42,5 +42,5 @@ def test_monitor_sees_violations(monkeypatch: pytest.MonkeyPatch) -> None:
         row = stage.attack("kill")
     assert not row.alive
     assert not row.kept
-    assert any("effort steps" in text for text in row.violations)
+    assert any("command steps" in text for text in row.violations)
     assert any("bridge ended" in text for text in row.violations)

@@ -40,7 +40,7 @@ def test_reference_bag(reference: Reference) -> None:
 def test_the_simulation_does_what_it_did_when_a_reference_bag_was_recorded(reference: Reference) -> None:
     """What physics, drives and sensors do is noticed too; other processors may round otherwise."""
     scenario = reference.load()
-    track = Track(scenario, whole=False)
+    track = Track(scenario)
     judge(run_in_process(scenario), track)
     made, recorded = track.data(), read_data(BAGS / reference.name)
     pairs = []

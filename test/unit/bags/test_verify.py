@@ -107,7 +107,7 @@ def test_last_bit_of_one_recorded_effort_is_caught(tmp_path):
     record_run(tmp_path / "bag", scenario(), change=flip)
     result = verdict(tmp_path / "bag")
     first = result.first
-    assert (result.different, first.cycle, first.field, first.ulps) == (1, FLIPPED, "arm_joint5", 1)
+    assert (result.different, first.cycle, first.field) == (1, FLIPPED, "arm_joint5")
     assert first.recorded == math.nextafter(first.replayed, math.inf)
     assert f"cycle {FLIPPED}" in result.text()
 
@@ -118,7 +118,7 @@ def test_parameters_that_change_on_the_way(tmp_path):
     record_run(tmp_path / "bag", scenario(cycles=SLIPPING_CYCLES), retune=retune)
     assert verdict(tmp_path / "bag").identical
     with Bag(tmp_path / "bag") as bag:
-        unchanged = {"": dataclasses.replace(read_run(bag, {})[""], changes=())}
+        unchanged = {"": dataclasses.replace(read_run(bag, {})[""], changes={})}
     assert not verify_run(unchanged).identical
 
 

@@ -3,96 +3,44 @@
 from __future__ import annotations
 
 import json
-import math
 from functools import partial
 from pathlib import Path
 
-import pytest
+import numpy as np
+import pandas as pd
 from hypothesis import given
 from hypothesis import strategies as st
 
 from slip_vic.scenarios.scenario import load_scenario
 from test.campaigns.bench import cost, measure
-from test.campaigns.bench.measure import BenchResult
 from test.campaigns.bench.report import write_results
-from test.campaigns.bench.samples import Metric, Rounds, relative_spread, rotated
 
-values = st.lists(st.floats(1e-6, 1e6), min_size=1, max_size=9).map(tuple)
-
-
-def metric(*numbers: float) -> Metric:
-    return Metric("m", "x", numbers)
-
-
-# -- samples ------------------------------------------------------------------------------------------
+NAMES = sorted({name for metric in measure.METRICS for name in (metric.over, metric.under) if name})
 
 
 def test_ratios_within_a_round() -> None:
-    rounds = Rounds()
-    for speed in (1.0, 5.0, 0.2):  # the machine is five times slower in one round, five times faster in another
-        rounds.add("r0", 6.0 * speed)
-        rounds.add("ours", 2.0 * speed)
-    found = rounds.ratio("ratio", "r0", "ours")
-    assert found.values == pytest.approx((3.0, 3.0, 3.0))
-    assert (found.low, found.median, found.high) == pytest.approx((3.0, 3.0, 3.0))
-
-
-def test_ratio_of_unequal_rounds() -> None:
-    rounds = Rounds({"a": [1.0, 2.0], "b": [1.0]})
-    with pytest.raises(ValueError, match="shorter"):
-        rounds.ratio("ratio", "a", "b")
-
-
-def test_metric_scales_values() -> None:
-    found = Rounds({"tick": [3e-6, 1e-6, 2e-6]}).metric("tick_us", "tick", "us", scale=1e6)
-    assert found.values == pytest.approx((3.0, 1.0, 2.0))
-    assert (found.low, found.median, found.high) == pytest.approx((1.0, 2.0, 3.0))
-
-
-def test_metric_without_values() -> None:
-    assert math.isnan(metric().median)
-    assert math.isnan(metric().low)
+    speed = np.array([1.0, 5.0, 0.2])  # the machine is five times slower in one round, five times faster in another
+    rounds = pd.DataFrame({name: (2.0 + k) * speed for k, name in enumerate(NAMES)})
+    found = measure.over_rounds(rounds)
+    assert list(found.index) == [metric.name for metric in measure.METRICS]
+    ratio = (2.0 + NAMES.index("r0")) / (2.0 + NAMES.index("lockstep"))
+    np.testing.assert_allclose(found.loc["lockstep_ratio"], ratio)
+    np.testing.assert_allclose(found.loc["r0_us"], 1e6 * (2.0 + NAMES.index("r0")) * np.array([1.0, 0.2, 5.0]))
 
 
 @given(st.lists(st.text(min_size=1), min_size=1, max_size=8, unique=True), st.integers(0, 20))
 def test_rotation_of_names(names: list[str], number: int) -> None:
-    assert sorted(rotated(names, number)) == sorted(names)
-    assert {rotated(names, k)[0] for k in range(len(names))} == set(names)
-
-
-def test_spread() -> None:
-    assert relative_spread([1.0, 2.0, 3.0]) == 1.0
-    assert relative_spread([7.0]) == 0.0
-
-
-# -- results ------------------------------------------------------------------------------------------
-
-FREE = {f"latency_{key}_ms": 0.3 for key in ("p50", "p99", "p999", "max")}
-RESULT = BenchResult(
-    metrics={
-        name: Metric(name, "", (2.0, 3.0))
-        for name in ("control_step_ratio", "control_step_observer_ratio", "lockstep_ratio")
-    }
-    | {"supervised_loop_real_time_factor": Metric("supervised_loop_real_time_factor", "x", (12.0, 13.0))},
-    free_running={
-        name: {"fresh": 1.0, "lost": 0.0, "recorder_lost": 0.0, "real_time_factor": 1.0, **FREE}
-        for name in ("500_normal", "500", "1000_normal", "1000", "2000_normal", "2000")
-    },
-    memory_mib={"bridge": 100.0},
-    machine={},
-    noise=0.1,
-    notes=[],
-)
+    assert sorted(measure.rotated(names, number)) == sorted(names)
+    assert {measure.rotated(names, k)[0] for k in range(len(names))} == set(names)
 
 
 def test_figures_in_the_file(tmp_path: Path) -> None:
-    path = write_results(tmp_path / "new", RESULT)
-    stored = json.loads(path.read_text())
-    assert stored["supervised_loop_real_time_factor"] == 12.5
-    assert {"control_step_ratio", "control_step_observer_ratio", "lockstep_ratio"} <= stored.keys()
-    for rate in ("500", "1000", "2000"):
-        wanted = {"fresh", "lost", "latency_p50_ms", "latency_p99_ms", "latency_max_ms"}
-        assert wanted <= stored["free_running"][rate].keys()
+    rounds = pd.DataFrame({name: [2.0, 3.0] for name in NAMES})
+    free = pd.DataFrame({"fresh": [1.0], "latency_p50_ms": [0.3]}, index=["500_normal"])
+    result = measure.BenchResult(measure.over_rounds(rounds), free, {"bridge": 100.0}, {}, 0.1)
+    stored = json.loads(write_results(tmp_path / "new", result).read_text())
+    assert stored["metrics"]["supervised_loop_real_time_factor"] == {"median": 2.5, "min": 2.0, "max": 3.0}
+    assert stored["free_running"]["500_normal"]["latency_p50_ms"] == 0.3
 
 
 # -- what is measured is what it says -----------------------------------------------------------------

@@ -49,7 +49,7 @@ def slow_motion(seconds: float = 8.0) -> tuple[Motion, Robot]:
 
 def test_friction_and_offset_are_found_again() -> None:
     found = identify(*slow_motion())
-    for one, coulomb, offset in zip(found, COULOMB, OFFSET, strict=True):
+    for one, coulomb, offset in zip(found.itertuples(), COULOMB, OFFSET, strict=True):
         assert one.coulomb == pytest.approx(coulomb, abs=0.01), one
         assert one.viscous == pytest.approx(VISCOUS, abs=0.08), one
         assert one.offset == pytest.approx(offset, abs=0.005), one
@@ -64,10 +64,10 @@ def test_noise_and_quantum_are_found_again_and_a_joint_at_rest_has_no_friction_t
     step = 2e-5
     motion = Motion(robot.joint_names, time, step * np.round(q / step), v, np.zeros_like(q), np.zeros_like(q))
     found = identify(motion, robot)
-    assert found[0].quantum == pytest.approx(step, rel=1e-6)
-    assert all(one.noise_position < step for one in found)
-    assert all(one.noise_velocity == pytest.approx(0.003, rel=0.05) for one in found)
-    assert np.isnan(found[3].coulomb)
+    assert found["quantum"].iloc[0] == pytest.approx(step, rel=1e-6)
+    assert (found["noise_position"] < step).all()
+    np.testing.assert_allclose(found["noise_velocity"], 0.003, rtol=0.05)
+    assert np.isnan(found["coulomb"].iloc[3])
 
 
 def test_the_command_reads_a_bag_and_writes_a_drive_file(tmp_path: Path) -> None:
@@ -86,4 +86,4 @@ def test_a_bag_without_velocities_shows_friction_too(tmp_path: Path) -> None:
     motion, robot = read_motion(tmp_path / "bag", "ee")
     assert np.isfinite(motion.velocity).all()
     found = identify(motion, robot)
-    assert found[1].coulomb == pytest.approx(0.3, abs=0.15)  # of the preset
+    assert found["coulomb"].iloc[1] == pytest.approx(0.3, abs=0.15)  # of the preset

@@ -50,7 +50,7 @@ ALLOWED = {
     "slip_sim_bridge.sensors": {"numpy", "pydantic", "slip_core"},
     "slip_bags": {"slip_core", "slip_msgs_py"} | BAG_LIBRARIES | ROS,
     "slip_vic": ROOMS | NUMERIC | TOOLS | ROS,
-    "slip_vic.page": ROOMS | NUMERIC | {"click", "scipy", "trimesh", "websockets"} | ROS,
+    "slip_vic.page": ROOMS | NUMERIC | {"click", "pandas", "scipy", "trimesh", "websockets"} | ROS,
     "slip_vic.retime": ROOMS | NUMERIC | {"click", "matplotlib", "mcap_ros2", "pandas", "scipy"},
     "slip_vic.experiments.tune.search": ROOMS | NUMERIC | {"optuna"},
 }

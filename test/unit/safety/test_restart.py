@@ -77,7 +77,7 @@ def test_law_resumes_after_stall() -> None:
         for stall_s in (0.06, 0.2):
             stall = Planned(kind, target, 0.4, stall_s, 0.9)
             outcome = run_trial(Plan(0, 1, "vertical_plane", False, "governed", (stall,)))
-            assert outcome.violations == [], stall
+            assert outcome.violations == (), stall
             assert outcome.modes["DEGRADED" if target == WRENCH else "HOLD"] > 0 or target == SLIP, stall
             assert outcome.recovery_s is not None, stall
             assert outcome.recovery_s < resumes_s + 3 * PERIOD_S, stall

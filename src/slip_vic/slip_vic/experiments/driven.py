@@ -72,7 +72,7 @@ class Driven:
     """A run of a scenario under a law.
 
         driven = Driven(scenario, MyLaw())
-        verdict = judge(driven.ticks(), Track(driven.scenario, whole=False))
+        verdict = judge(driven.ticks(), Track(driven.scenario))
 
     Args:
         scenario: its controllers' parameters are those that the law may read.

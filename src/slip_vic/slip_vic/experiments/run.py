@@ -146,7 +146,7 @@ class Controlled:
 
 def play(driven: Driven | Controlled) -> tuple[str, str, dict[str, float]]:
     """Run to the end; return outcome, reason and numbers."""
-    track = Track(driven.scenario, whole=False)
+    track = Track(driven.scenario)
     verdict = judge(driven.ticks(), track)
     outcome, reason = ("failed", driven.failure) if driven.failure else (verdict.outcome, verdict.reason)
     return outcome, reason, metrics_of(verdict, outcome, track, driven)

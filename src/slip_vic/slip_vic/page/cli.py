@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import shlex
 import sys
-import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -19,19 +18,19 @@ from slip_vic.page import require_page
 @click.command()
 @click.argument("bags", metavar="BAG [BAG...]", nargs=-1, required=True, type=click.Path(path_type=Path))
 @out_option("report.html", "the page")
-@click.option("--title", default="", help="default: the scenario")
-def report(bags: tuple[Path, ...], out: Path, title: str) -> None:
+def report(bags: tuple[Path, ...], out: Path) -> None:
     """Write one self-contained web page of recorded runs: 3D replay, linked plots, table."""
     require_page()
     from slip_vic.page.page import write_page
+    from slip_vic.run.data import read_data
 
     labels = [path.name if path.is_dir() else path.stem for path in bags]
     if len(set(labels)) != len(labels):
         labels = [str(path) for path in bags]
     if len(set(labels)) != len(labels):
         raise InputError("report", got="the same bag twice", expected="different bags")
-    command = shlex.join(["slip-vic", *sys.argv[1:]])
-    write_page(out, dict(zip(labels, bags, strict=True)), command=command, title=title)
+    runs = {label: read_data(path) for label, path in zip(labels, bags, strict=True)}
+    write_page(out, runs, command=shlex.join(["slip-vic", *sys.argv[1:]]))
     click.echo(f"{out}: {out.stat().st_size / 1e6:.2f} MB")
 
 
@@ -42,9 +41,7 @@ def report(bags: tuple[Path, ...], out: Path, title: str) -> None:
     "--host", default="127.0.0.1", show_default=True, help="address to listen on; others may watch if it is not local"
 )
 @click.option("--port", type=click.IntRange(0, 65535), default=8765, show_default=True, help="0: a free one")
-@click.option("--rate", type=click.FloatRange(1.0, 60.0), default=10.0, show_default=True, help="frames a second")
-@click.option("--duration", type=click.FloatRange(0.0), default=0.0, help="end after so many seconds")
-def watch(namespace: str, domain_id: int | None, host: str, port: int, rate: float, duration: float) -> None:
+def watch(namespace: str, domain_id: int | None, host: str, port: int) -> None:
     """Show in the browser what runs now: the same picture and plots, from the topics.
 
     Without --domain-id and ROS_DOMAIN_ID it shows the newest `slip-vic run` of this machine.
@@ -64,12 +61,11 @@ def watch(namespace: str, domain_id: int | None, host: str, port: int, rate: flo
     domain = check_domain((runs or [0])[0] if wanted is None else wanted)
     audience = Audience(host, port)
     click.echo(f"http://{host}:{audience.port}/  (Ctrl-C ends)")
-    end = time.monotonic() + duration if duration else float("inf")
     try:
         os.environ["ROS_DOMAIN_ID"] = str(domain)
         click.echo(what_is_watched(domain, runs), err=True)
         with StopFlag() as stop, ros_node("slip_vic_watch", "/") as node:
-            run_watch(node, audience, namespace, rate, lambda: bool(stop()) or time.monotonic() >= end)
+            run_watch(node, audience, namespace, stop)
     finally:
         audience.close()
 

@@ -39,6 +39,7 @@ LATCHED: Final = ("robot_description", "object_description", MODE)
 ASKED: Final = ("ee_frame", "governor.friction_limit", "governor.torsional_radius", "contacts.slip_axes")
 NODE: Final = "slip_vic_controller"
 DISCOVERY_S: Final = 1.0
+FRAME_S: Final = 0.1
 ASK_S: Final = 2.0
 SETTLE_S: Final = 1.0
 SILENT_S: Final = 2.0
@@ -264,7 +265,7 @@ def ask_parameters(node: Node, name: str) -> dict[str, Any]:
         asker.destroy_node()
 
 
-def watch(node: Node, audience: Audience, namespace: str, rate_hz: float, stop: Callable[[], bool]) -> None:
+def watch(node: Node, audience: Audience, namespace: str, stop: Callable[[], object]) -> None:
     """Feed the browsers until it is stopped; without any the topics are read once a second only."""
     watcher = Watcher(node, namespace)
     model: bytes | None = None
@@ -286,6 +287,6 @@ def watch(node: Node, audience: Audience, namespace: str, rate_hz: float, stop: 
             if model is not None and silent != (now > newest + SILENT_S):
                 silent = not silent
                 audience.ended(watcher.silence() if silent else "")
-            time.sleep(1.0 / rate_hz if audience.present or model is None else min(1.0, DISCOVERY_S))
+            time.sleep(FRAME_S if audience.present or model is None else min(1.0, DISCOVERY_S))
     finally:
         watcher.close()

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -13,8 +12,7 @@ from slip_vic.page.packing import Packer
 from slip_vic.page.runs import MODES, Arm, Run
 
 
-@dataclass(frozen=True, slots=True)
-class Plot:
+class Plot(NamedTuple):
     """One plot: the series of this name of every arm. `mark` is a level that is drawn; `steps` names whole numbers."""
 
     name: str
@@ -42,8 +40,7 @@ PLOTS: Final = (
 EFFORT: Final = "effort"
 
 
-@dataclass(frozen=True, slots=True)
-class Variant:
+class Variant(NamedTuple):
     """What a plot shows: its label and unit, and per arm the number of run and arm with the values (N,)."""
 
     label: str
@@ -74,27 +71,19 @@ def describe_plots(runs: Sequence[Run], packer: Packer, *, empty: bool = False) 
     A plot: name, title, unit, mark, steps, note, variants; a variant: label, unit and one series per arm with the
     number of its run and arm.
     """
-    return [
-        _described(plot, [_variant(variant, packer) for variant in variants])
-        for plot, variants in plot_series(runs)
-        if empty or any(np.isfinite(values).any() for variant in variants for _, _, values in variant.rows)
-    ]
-
-
-def _described(plot: Plot, variants: list[dict[str, Any]]) -> dict[str, Any]:
-    return {
-        "name": plot.name,
-        "title": plot.title,
-        "mark": plot.mark,
-        "steps": list(plot.steps),
-        "note": plot.note,
-        "variants": variants,
-    }
-
-
-def _variant(variant: Variant, packer: Packer) -> dict[str, Any]:
-    series = [{"run": number, "arm": place, "values": packer.add(values)} for number, place, values in variant.rows]
-    return {"label": variant.label, "unit": variant.unit, "series": series}
+    found = []
+    for plot, variants in plot_series(runs):
+        if empty or any(np.isfinite(values).any() for variant in variants for _, _, values in variant.rows):
+            shown = [
+                {
+                    "label": label,
+                    "unit": unit,
+                    "series": [{"run": n, "arm": place, "values": packer.add(values)} for n, place, values in rows],
+                }
+                for label, unit, rows in variants
+            ]
+            found.append({**plot._asdict(), "variants": shown})
+    return found
 
 
 def _share(arm: Arm) -> Array:

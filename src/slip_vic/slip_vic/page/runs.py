@@ -11,6 +11,7 @@ import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.files.urdf import parse_urdf
+from slip_sim_bridge.params import BridgeParams
 from slip_vic.page.packing import Packer
 from slip_vic.page.urdf import links_of
 from slip_vic.run.data import AXES, ArmData, Channel, RunData
@@ -23,8 +24,6 @@ PAD_RADIUS: Final = 0.011
 """[m]; half the width of the fingers of our gripper."""
 PAD_THICKNESS: Final = 0.003
 """[m]"""
-SMALLEST_SIDE: Final = 0.004
-"""[m]; of a box that is drawn for an object of unknown size."""
 NO_PATH: Final = np.empty((0, 3))
 
 
@@ -56,7 +55,7 @@ class Run:
     label: str
     arms: tuple[Arm, ...]
     object_pose: Array | None
-    object_size: tuple[float, float, float]
+    object_size: tuple[float, ...]
     versions: Mapping[str, str]
     facts: Mapping[str, str] = field(default_factory=dict)
 
@@ -70,7 +69,8 @@ def drawn(data: RunData, label: str, times: Array, end: str = "") -> Run:
     """Return what the page shows of a run; `end` says why it did not end well."""
     pose = None if data.object_pose is None else newest_on_grid(data.object_pose, times)
     arms = tuple(arm_of(arm, times, end) for arm in data.arms)
-    return Run(label, arms, pose, object_size(data.bridge), data.versions, data.facts)
+    size = data.bridge.get("display.object_size", BridgeParams().display.object_size)
+    return Run(label, arms, pose, tuple(size), data.versions, data.facts)
 
 
 def arm_of(data: ArmData, times: Array, end: str = "") -> Arm:
@@ -137,21 +137,6 @@ def load_ratio(wrench: Array, parameters: Mapping[str, Any]) -> Array:
     slips = np.array(parameters.get("contacts.slip_axes", [True] * 6)[:6], dtype=float)
     weights = slips * np.array([1.0, 1.0, 1.0, 1.0 / radius, 1.0 / radius, 1.0 / radius])
     return np.linalg.norm(wrench * weights, axis=1) / limit
-
-
-def object_size(parameters: Mapping[str, Any]) -> tuple[float, float, float]:
-    """Return the edges of the box that stands for the object [m].
-
-    The scenario's display size; where a bag has none, the solid box with the object's mass and inertia.
-    """
-    if "display.object_size" in parameters:
-        x, y, z = parameters["display.object_size"]
-        return float(x), float(y), float(z)
-    mass = float(parameters.get("object.mass", 0.5))
-    x2, y2, z2 = (float(value) for value in parameters.get("object.inertia", (2e-3,) * 3)[:3])
-    squares = (y2 + z2 - x2, x2 + z2 - y2, x2 + y2 - z2)
-    x, y, z = (max(SMALLEST_SIDE, float(np.sqrt(max(0.0, 6.0 * square / mass)))) for square in squares)
-    return x, y, z
 
 
 @functools.lru_cache

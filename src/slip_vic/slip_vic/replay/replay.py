@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
@@ -12,20 +11,22 @@ from numpy.typing import NDArray
 
 from slip_core.arms import prefix_of
 from slip_core.errors import InputError
-from slip_core.types import JointSample, PoseGoal, SlipSample, WrenchSample
+from slip_core.types import PoseGoal, SlipSample
 from slip_vic.replay.run_data import LedgerEntry, RecordedRun
 from slip_vic_controller.safety.faults import Fault
-from slip_vic_controller.safety.modes import Mode, Request
+from slip_vic_controller.safety.modes import Request
 from slip_vic_controller.safety.reasons import JOINT_STATES
 from slip_vic_controller.session.arm_session import ArmSession
 from slip_vic_controller.session.controller import Controller
 from slip_vic_controller.session.cycle_result import CycleResult, Health
 from slip_vic_controller.session.session import ControllerSession
 
+Sample = TypeVar("Sample")
+
 
 @dataclass(frozen=True, slots=True)
 class Divergence:
-    """The first number that is not the recorded one in a cycle; `ulps` is None where there is no distance."""
+    """The first number that is not the recorded one in a cycle."""
 
     cycle: int
     stamp_ns: int
@@ -33,63 +34,6 @@ class Divergence:
     field: str
     recorded: float
     replayed: float
-    ulps: int | None
-
-
-Sample = TypeVar("Sample", JointSample, WrenchSample, SlipSample)
-
-
-class _Samples:
-    """Finds the samples that a ledger entry names."""
-
-    def __init__(self, run: RecordedRun) -> None:
-        self._run = run
-        self._slip_needed = run.params.controller == "vic"
-        self._previous_ns = -1
-        self._stamps = np.array(sorted(run.slips[0]), dtype=np.int64)
-
-    def joint(self, entry: LedgerEntry) -> JointSample:
-        """Return the joint state the cycle answered."""
-        return self._find(entry, self._run.joints, entry.joint_ns, "joint_states")
-
-    def waits(self, entry: LedgerEntry) -> bool:
-        """Return whether the cycle had to wait for an input; its entry names no sample then."""
-        named = any(entry.wrench_ns) or any(entry.slip_ns)
-        return entry.mode == Mode.WAITING_INPUT or (entry.mode == Mode.FAULT and not named)
-
-    def wrenches(self, entry: LedgerEntry) -> list[WrenchSample]:
-        """Return the newest wrench of each contact; none where the controller had no sensor."""
-        if self._run.params.wrench.source == "none":
-            return []
-        pairs = zip(self._run.wrenches, entry.wrench_ns, strict=True)
-        return [self._find(entry, samples, stamp, "wrench") for samples, stamp in pairs]
-
-    def slips(self, entry: LedgerEntry) -> list[SlipSample | None]:
-        """Return the newest slip velocity of each contact, None where there was none and none is needed."""
-        return [
-            None
-            if not self._slip_needed and stamp == 0 and stamp not in samples
-            else self._find(entry, samples, stamp, "slip_velocity")
-            for samples, stamp in zip(self._run.slips, entry.slip_ns, strict=True)
-        ]
-
-    def new_slips(self, entry: LedgerEntry) -> list[SlipSample]:
-        """Return the slip samples of the own contact since the cycle before."""
-        stamp = entry.slip_ns[0]
-        first, last = (np.searchsorted(self._stamps, at, side="right") for at in (self._previous_ns, stamp))
-        self._previous_ns = max(self._previous_ns, stamp)
-        found = (self._run.slips[0][int(at)] for at in self._stamps[first:last])
-        return [sample for sample in found if sample.valid]
-
-    def _find(self, entry: LedgerEntry, samples: dict[int, Sample], stamp_ns: int, topic: str) -> Sample:
-        try:
-            return samples[stamp_ns]
-        except KeyError:
-            raise InputError(
-                f"cycle {entry.cycle}: {topic}",
-                got=f"no message with stamp {stamp_ns} ns",
-                expected="every sample the ledger names",
-            ) from None
 
 
 def replay(runs: Mapping[str, RecordedRun]) -> Iterator[Divergence | None]:
@@ -128,8 +72,8 @@ def _cycle(session: ControllerSession, turn: Sequence[_Arm]) -> tuple[list[Ledge
     for arm, entry in zip(turn, entries, strict=True):
         arm.give(entry, together=together)
     results = [result for result in session.answer(entries[0].now_ns) if result is not None]
-    if any(arm.waited(entry) for arm, entry in zip(turn, entries, strict=True)):
-        session.set_active(session.active)  # as the run did
+    if any(entry.waits for entry in entries):
+        session.set_active(session.active)  # what comes next begins again, as the run did
     return entries, results
 
 
@@ -152,8 +96,8 @@ class _Arm:
 
     def __init__(self, session: ControllerSession, arm: ArmSession, run: RecordedRun) -> None:
         self._session, self._arm, self.run, self.at = session, arm, run, 0
-        self.name, self.index, self._samples = arm.name, arm.index, _Samples(run)
-        self._changes = {change.index: change.params for change in run.changes}
+        self.name, self._slips_to_ns = arm.name, -1
+        self._slip_stamps = np.array(sorted(run.slips[0]), dtype=np.int64)
 
     @property
     def entry(self) -> LedgerEntry | None:
@@ -163,9 +107,9 @@ class _Arm:
     def begin(self) -> LedgerEntry:
         """Take what had come since the cycle before, and return the entry of this one."""
         entry = self.run.ledger[self.at]
-        if self.at in self._changes:
+        if self.at in self.run.changes:
             params = [arm.tuned for arm in self._session.arms]
-            params[self.index] = self._changes[self.at]
+            params[self._arm.index] = self.run.changes[self.at]
             self._session.retune(params)
         self.at += 1
         _take(self._session, self.run, entry)
@@ -177,23 +121,32 @@ class _Arm:
 
         together: a cycle of all arms, which finds again whether one holds because of another.
         """
-        arm, samples, health = self._arm, self._samples, Health.from_code(entry.health)
+        arm, run, health = self._arm, self.run, Health.from_code(entry.health)
         if together and health.outside == Fault.OTHER_ARM:
             health = health._replace(outside=Fault.NONE)
-        joint = samples.joint(entry)
+        joint = _find(entry, run.joints, entry.joint_ns, "joint_states")
         arm.add_joint(joint, entry.now_ns)
         used = arm.validated(joint)
-        if samples.waits(entry):
+        if entry.waits:
             arm.give(used, (), (), ())
             arm.waiting = joint, int(health.joint), JOINT_STATES, health
             return
-        new_slips = samples.new_slips(entry)
-        arm.give(used, samples.wrenches(entry), samples.slips(entry), new_slips)
+        wrenches, slips = [], []
+        if run.params.wrench.source != "none":
+            pairs = zip(run.wrenches, entry.wrench_ns, strict=True)
+            wrenches = [_find(entry, samples, stamp, "wrench") for samples, stamp in pairs]
+        for samples, stamp in zip(run.slips, entry.slip_ns, strict=True):
+            absent = run.params.controller != "vic" and stamp == 0 and stamp not in samples
+            slips.append(None if absent else _find(entry, samples, stamp, "slip_velocity"))
+        arm.give(used, wrenches, slips, self._new_slips(entry.slip_ns[0]))
         arm.waiting = joint, int(health.joint), 0, health
 
-    def waited(self, entry: LedgerEntry) -> bool:
-        """Return whether a cycle waited for an input; what comes next begins again."""
-        return self._samples.waits(entry)
+    def _new_slips(self, newest_ns: int) -> list[SlipSample]:
+        """Return the slip samples of the own contact since the cycle before."""
+        first, last = np.searchsorted(self._slip_stamps, (self._slips_to_ns, newest_ns), side="right")
+        self._slips_to_ns = max(self._slips_to_ns, newest_ns)
+        found = (self.run.slips[0][int(at)] for at in self._slip_stamps[first:last])
+        return [sample for sample in found if sample.valid]
 
     def watchdog(self, entry: LedgerEntry) -> CycleResult | None:
         """Run the cycle of the watchdog where the entry is of one: no joint state, so no input takes part."""
@@ -201,6 +154,14 @@ class _Arm:
         if Health.from_code(entry.health).joint != Fault.SILENT or not self._arm.begun or newest is None:
             return None
         return self._arm.without_joint_state(newest, entry.now_ns)[0]
+
+
+def _find(entry: LedgerEntry, samples: Mapping[int, Sample], stamp_ns: int, topic: str) -> Sample:
+    """Return the sample that a ledger entry names."""
+    if stamp_ns not in samples:
+        got = f"no message with stamp {stamp_ns} ns"
+        raise InputError(f"cycle {entry.cycle}: {topic}", got=got, expected="every sample the ledger names")
+    return samples[stamp_ns]
 
 
 def _take(session: ControllerSession, run: RecordedRun, entry: LedgerEntry) -> None:
@@ -222,29 +183,13 @@ def _take(session: ControllerSession, run: RecordedRun, entry: LedgerEntry) -> N
 def _compare(
     run: RecordedRun, entry: LedgerEntry, recorded: NDArray[np.float64], result: CycleResult
 ) -> Divergence | None:
-    mode, replayed = int(result.mode), result.numbers
-
-    topic = f"{run.params.command.interface}_command"
-
-    def differs(topic: str, field: str, one: float, other: float, ulps: int | None) -> Divergence:
-        return Divergence(entry.cycle, entry.joint_ns, topic, field, one, other, ulps)
-
+    topic, replayed = f"{run.params.command.interface}_command", result.numbers
     if recorded.shape != replayed.shape:
-        return differs(topic, "numbers", len(recorded), len(replayed), None)
-    if recorded.tobytes() != replayed.tobytes():
-        index = next(i for i in range(len(recorded)) if _bits(recorded[i]) != _bits(replayed[i]))
-        distance = abs(_ordered(recorded[index]) - _ordered(replayed[index]))
-        return differs(topic, run.params.joint_names[index], float(recorded[index]), float(replayed[index]), distance)
-    if entry.mode != mode:
-        return differs("controller/ledger", "mode", entry.mode, mode, None)
+        return Divergence(entry.cycle, entry.joint_ns, topic, "numbers", len(recorded), len(replayed))
+    differs = np.flatnonzero(recorded.view(np.int64) != replayed.view(np.int64))  # the bits: NaN, -0.0
+    if len(differs):
+        name, pair = run.params.joint_names[differs[0]], (float(recorded[differs[0]]), float(replayed[differs[0]]))
+        return Divergence(entry.cycle, entry.joint_ns, topic, name, *pair)
+    if entry.mode != result.mode:
+        return Divergence(entry.cycle, entry.joint_ns, "controller/ledger", "mode", entry.mode, int(result.mode))
     return None
-
-
-def _bits(value: float) -> int:
-    return int(struct.unpack("<q", struct.pack("<d", value))[0])
-
-
-def _ordered(value: float) -> int:
-    """Number the floats in order, so that neighbours differ by one."""
-    bits = _bits(value)
-    return bits if bits >= 0 else -(2**63) - bits

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from slip_bags.reader import Bag
@@ -15,8 +14,7 @@ from slip_bags.series import Series
 from slip_core.arms import by_arm, model_of_arms, prefix_of
 from slip_core.arrays import readonly
 from slip_core.errors import InputError
-from slip_core.files.plain_yaml import read_yaml
-from slip_core.params import build, flat_names, flatten
+from slip_core.params import build, flatten
 from slip_core.topics import contact_topic
 from slip_core.types import CartesianReference, JointSample, PoseGoal, SlipSample, WrenchSample
 from slip_msgs_py.messages.from_msgs import (
@@ -27,8 +25,10 @@ from slip_msgs_py.messages.from_msgs import (
     slip_flag,
     slip_sample,
 )
+from slip_vic.run.data import parameters_of
 from slip_vic_controller.contact.slip_displacement import SlipFromDisplacement
 from slip_vic_controller.params.node_params import ControllerNodeParams
+from slip_vic_controller.safety.modes import Mode
 
 if TYPE_CHECKING:
     from rcl_interfaces.msg import ParameterValue
@@ -40,17 +40,9 @@ URDF: Final = "arm.urdf"
 EVENTS: Final = "/parameter_events"
 NODE: Final = "slip_vic_controller"
 _FIXED, _PER_CONTACT, _DECISION = 3, 4, 5  # numbers of a ledger entry: cycle and stamp, samples, decision
-_VALUE_FIELDS: Final = {
-    1: "bool",
-    2: "integer",
-    3: "double",
-    4: "string",
-    5: "byte_array",
-    6: "bool_array",
-    7: "integer_array",
-    8: "double_array",
-    9: "string_array",
-}
+_KINDS: Final = ("bool", "integer", "double", "string", "byte_array", "bool_array", "integer_array", "double_array",
+                 "string_array")  # fmt: skip
+"""Of parameter values, by type number from 1 on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,25 +62,24 @@ class LedgerEntry:
     request: int
     taken: int = 0
 
-
-@dataclass(frozen=True, slots=True)
-class ParameterChange:
-    """All parameters as they were from the ledger entry with this index on."""
-
-    index: int
-    params: ControllerNodeParams
+    @property
+    def waits(self) -> bool:
+        """Whether the cycle had to wait for an input; its entry names no sample then."""
+        named = any(self.wrench_ns) or any(self.slip_ns)
+        return self.mode == Mode.WAITING_INPUT or (self.mode == Mode.FAULT and not named)
 
 
 @dataclass(frozen=True, slots=True)
 class RecordedRun:
     """Everything that a replay of one arm needs, and what it must reproduce.
 
-    joints, wrenches, slips: by stamp [ns], the last two per contact. commands: per ledger entry, (n,) or (0,).
+    changes: all parameters as they were from the ledger entry with this index on. joints, wrenches, slips: by stamp
+    [ns], the last two per contact. commands: per ledger entry, (n,) or (0,).
     given: references or goals in their order.
     """
 
     params: ControllerNodeParams
-    changes: tuple[ParameterChange, ...]
+    changes: Mapping[int, ControllerNodeParams]
     urdf: str
     ledger: tuple[LedgerEntry, ...]
     joints: dict[int, JointSample]
@@ -178,23 +169,18 @@ def _attachment(bag: Bag, name: str) -> str:
 
 
 def _parameters(bag: Bag, overrides: dict[str, Any]) -> dict[str, ControllerNodeParams]:
-    try:
-        (node,) = read_yaml(_attachment(bag, PARAMETERS)).values()
-        values = flat_names(node["ros__parameters"])
-    except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError) as error:
-        got = f"{type(error).__name__} {error}"
-        raise InputError(f"{PARAMETERS} of {bag.path}", got=got, expected="a ROS parameter file") from None
+    values = parameters_of(PARAMETERS, bag.path, _attachment(bag, PARAMETERS))
     named = {name.removeprefix("controller.") if name != "controller" else name: v for name, v in overrides.items()}
     arms = tuple(values.get("arms", ()))
     model = model_of_arms(ControllerNodeParams, arms) if arms else ControllerNodeParams
     return by_arm(build(model, {**values, **named}, f"{PARAMETERS} of {bag.path}"))
 
 
-def _changes(source: _Source, params: ControllerNodeParams, ledger: Series) -> tuple[ParameterChange, ...]:
+def _changes(source: _Source, params: ControllerNodeParams, ledger: Series) -> dict[int, ControllerNodeParams]:
     """Read what was set at run time; node and ledger share a thread and a clock, so their order is exact."""
     if EVENTS not in source.bag.topics:
-        return ()
-    changes, own = [], f"{source.name}." if source.name else ""
+        return {}
+    changes, own = {}, f"{source.name}." if source.name else ""
     for message in source.bag.messages(EVENTS):
         event = message.value
         if event.node != f"{source.root}{NODE}" or not event.changed_parameters:
@@ -203,14 +189,13 @@ def _changes(source: _Source, params: ControllerNodeParams, ledger: Series) -> t
         changed = {name.removeprefix(own): v for name, v in given.items() if name.startswith(own)}
         names = flatten(params)
         params = build(ControllerNodeParams, names | {k: v for k, v in changed.items() if k in names}, EVENTS)
-        index = int(np.searchsorted(ledger.publish_time_ns, message.publish_time_ns))
-        changes.append(ParameterChange(index, params))
-    return tuple(changes)
+        changes[int(np.searchsorted(ledger.publish_time_ns, message.publish_time_ns))] = params
+    return changes
 
 
 def _parameter_value(value: ParameterValue) -> object:
     """Return what a rcl_interfaces/ParameterValue holds, by its type number."""
-    name = _VALUE_FIELDS[value.type]
+    name = _KINDS[value.type - 1]
     found = getattr(value, f"{name}_value")
     return list(found) if name.endswith("array") else found
 
@@ -279,28 +264,19 @@ def _wrenches(bag: Bag, topic: str, params: ControllerNodeParams) -> dict[int, W
 
 
 def _slips(bag: Bag, prefix: str, params: ControllerNodeParams) -> dict[int, SlipSample]:
+    """Return the slip velocities that the controller has, or made of displacements or flags."""
     if params.slip_input == "displacement":
-        return _displacements(bag, f"{prefix}slip_displacement")
+        series, made = _complete(bag, f"{prefix}slip_displacement"), SlipFromDisplacement()
+        rows = zip(series.stamps.tolist(), series.columns("pose.position", "pose.orientation"), strict=True)
+        found = map(made, (displacement_sample(*row) for row in rows))
+        return {slip.stamp_ns: slip for slip in found if slip is not None}
     if params.slip_input == "flag":
-        return _flags(bag, f"{prefix}slip_flag")
-    topic = f"{prefix}slip_velocity"
-    series = _complete(bag, topic)
+        series = _complete(bag, f"{prefix}slip_flag")
+        pairs = zip(series.stamps.tolist(), series["position"], strict=True)
+        return {stamp: slip_flag(stamp, np.asarray(row, dtype=np.float64)) for stamp, row in pairs}
+    series = _complete(bag, f"{prefix}slip_velocity")
     rows = zip(series.stamps.tolist(), series.columns("twist.linear", "twist.angular"), strict=True)
     return {stamp: slip_sample(stamp, readonly(row)) for stamp, row in rows}
-
-
-def _flags(bag: Bag, topic: str) -> dict[int, SlipSample]:
-    series = _complete(bag, topic)
-    rows = zip(series.stamps.tolist(), series["position"], strict=True)
-    return {stamp: slip_flag(stamp, np.asarray(row, dtype=np.float64)) for stamp, row in rows}
-
-
-def _displacements(bag: Bag, topic: str) -> dict[int, SlipSample]:
-    """Return the slip velocities that the controller made of the displacements."""
-    series, made = _complete(bag, topic), SlipFromDisplacement()
-    rows = zip(series.stamps.tolist(), series.columns("pose.position", "pose.orientation"), strict=True)
-    samples = (displacement_sample(*row) for row in rows)
-    return {slip.stamp_ns: slip for slip in map(made, samples) if slip is not None}
 
 
 def _commands(series: Series, ledger: Series, order: JointOrder, interface: str) -> tuple[NDArray[np.float64], ...]:

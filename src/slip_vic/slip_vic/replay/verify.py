@@ -34,11 +34,10 @@ class Comparison:
         if self.first is None:
             return f"identical: {self.cycles} cycles, {self.numbers} {self.kind}, to the last bit"
         first = self.first
-        distance = "" if first.ulps is None else f", {first.ulps} ulp apart"
         return (
             f"differs in {self.different} of {self.cycles} cycles; first in cycle {first.cycle} "
             f"(stamp {first.stamp_ns * 1e-9:.9f} s), {first.topic}, {first.field}: "
-            f"recorded {first.recorded!r}, replayed {first.replayed!r}{distance}"
+            f"recorded {first.recorded!r}, replayed {first.replayed!r}"
         )
 
 

@@ -168,7 +168,7 @@ def _read_arm(bag: Bag, name: str, topics: Mapping[str, str], start_ns: int) -> 
     states, scalars = series["joint_states"], series.get("controller/scalars")
     return ArmData(
         name,
-        _urdf(bag, name, topics),
+        urdf_of(bag, name),
         tuple(map(str, states["name"][0])),
         _parameters(bag, "controller.params.yaml", name),
         channels,
@@ -191,9 +191,14 @@ def _modes(bag: Bag, topic: str | None, states: Series, start_ns: int) -> tuple[
     return tuple(found)
 
 
-def _urdf(bag: Bag, arm: str, topics: Mapping[str, str]) -> str:
-    topic = topics.get("robot_description")
-    if topic is not None:
+def urdf_of(bag: Bag, arm: str = "") -> str:
+    """Return the URDF of an arm of a bag, by its namespace.
+
+    Raises:
+        InputError: the bag has none.
+    """
+    topic = bag.ending("robot_description", arm)
+    if topic is not None and bag.topics[topic].message_count:
         return str(next(iter(bag.messages(topic))).value.data)
     for name in (f"{arm}.urdf", "arm.urdf"):
         if name in bag.attachments:
@@ -208,15 +213,23 @@ def _versions(bag: Bag) -> dict[str, Any]:
         raise InputError(f"versions of {bag.path}", got=str(error), expected="names and versions") from None
 
 
+def parameters_of(name: str, path: Path, text: str) -> dict[str, Any]:
+    """Return the parameters in a ROS parameter file of a bag, by dotted name; name: of the attachment.
+
+    Raises:
+        InputError: it is none.
+    """
+    try:
+        return {k: v for node in read_yaml(text).values() for k, v in flat_names(node["ros__parameters"]).items()}
+    except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError) as error:
+        got = f"{type(error).__name__} {error}"
+        raise InputError(f"{name} of {path}", got=got, expected="a ROS parameter file") from None
+
+
 def _parameters(bag: Bag, name: str, arm: str) -> dict[str, Any]:
     for candidate in (f"{arm}.{name}", name):
         if candidate in bag.attachments:
-            try:
-                tree = read_yaml(bag.attachments[candidate].decode("utf-8"))
-                values = {k: v for node in tree.values() for k, v in flat_names(node["ros__parameters"]).items()}
-                own = {k.removeprefix(f"{arm}."): v for k, v in values.items() if arm and k.startswith(f"{arm}.")}
-                return own or values
-            except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError) as error:
-                got = f"{type(error).__name__} {error}"
-                raise InputError(f"{candidate} of {bag.path}", got=got, expected="a ROS parameter file") from None
+            values = parameters_of(candidate, bag.path, bag.attachments[candidate].decode("utf-8"))
+            own = {k.removeprefix(f"{arm}."): v for k, v in values.items() if arm and k.startswith(f"{arm}.")}
+            return own or values
     return {}

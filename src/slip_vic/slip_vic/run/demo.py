@@ -10,7 +10,7 @@ import sys
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from rich.console import Console
@@ -19,16 +19,14 @@ from rich.table import Table
 
 from slip_core.errors import InputError
 from slip_vic.options import Choice
-from slip_vic.page.page import write_page, write_runs
-from slip_vic.run.judge import Verdict, judge_bag
+from slip_vic.page.page import write_page
+from slip_vic.run.data import RunData, read_data
+from slip_vic.run.judge import Verdict, judge_incidents, measured
 from slip_vic.run.launcher import Launcher
 from slip_vic.run.metrics import summary_rows
 from slip_vic.run.progress import run_progress
 from slip_vic.run.versions import versions
 from slip_vic.scenarios.scenario import GOVERNED, Law, Scenario, read_parameters
-
-if TYPE_CHECKING:
-    from slip_vic.run.run import Run
 
 Numbers = dict[str, Any]
 ORDER: tuple[Law, ...] = ("classical", "vic", "governed")
@@ -57,63 +55,59 @@ def run_demo(
     shown = loaded["vic"]
     staging = _staging_folder(out)
     try:
-        words = {"command": shlex.join(["slip-vic", *sys.argv[1:]]), "title": shown.name}
-        words["description"] = shown.description
-        if in_process:
-            runs = _in_process(loaded, staging / "report.html", words, console)
-        else:
-            runs = _over_dds(loaded, staging, words, console, domain)
-            for law, run in runs.items():
-                run["bag"] = str(out / law)
-        summary = {"scenario": shown.name, "seed": choice.seed, "versions": dict(versions()), "runs": runs}
+        runs, numbers = _in_process(loaded, console) if in_process else _over_dds(loaded, staging, console, domain)
+        for law in () if in_process else numbers:
+            numbers[law]["bag"] = str(out / law)
+        ends = {law: str(own["reason"]) for law, own in numbers.items() if own["reason"]}
+        command = shlex.join(["slip-vic", *sys.argv[1:]])
+        write_page(staging / "report.html", runs, command=command, description=shown.description, ends=ends)
+        summary = {"scenario": shown.name, "seed": choice.seed, "versions": dict(versions()), "runs": numbers}
         (staging / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
-        table = comparison_table(shown.name, runs)
-        _move_in(staging, out)
+        table = comparison_table(shown.name, numbers)
+        for item in staging.iterdir():
+            target = out / item.name
+            if target.is_dir():
+                shutil.rmtree(target)
+            item.replace(target)
     finally:
         shutil.rmtree(staging, ignore_errors=True)
     console_out = Console()
     console_out.print(table)
-    files = {"page": "report.html", "summary": "summary.json"}
-    console_out.print("\n".join(f"{what}: {out / name}" for what, name in files.items()), soft_wrap=True)
+    console_out.print(f"page: {out / 'report.html'}\nsummary: {out / 'summary.json'}", soft_wrap=True)
     return summary
 
 
 def _over_dds(
-    loaded: Mapping[Law, Scenario], folder: Path, words: Mapping[str, str], console: Console, domain: int | None
-) -> dict[str, Numbers]:
-    """Run as processes, record a bag of each into `folder`, and write the page of them."""
-    runs: dict[str, Numbers] = {}
+    loaded: Mapping[Law, Scenario], folder: Path, console: Console, domain: int | None
+) -> tuple[dict[str, RunData], dict[str, Numbers]]:
+    """Run as processes and record a bag of each into `folder`; return the runs and their numbers."""
+    runs, numbers = dict[str, RunData](), dict[str, Numbers]()
     with run_progress(console) as add_bar:
         bars = {law: add_bar(f"{made.name} {law}", made.duration_s) for law, made in loaded.items()}
         for law, scenario in loaded.items():
             result = Launcher(scenario, bag=folder / law, wanted_domain=domain).run(bars[law])
-            runs[law] = {
-                **numbers_of(judge_bag(folder / law, scenario, result.incidents)[0]),
+            runs[law] = read_data(folder / law)
+            numbers[law] = {
+                **numbers_of(measured(scenario, runs[law], *judge_incidents(result.incidents))),
                 "ticks": result.ticks,
                 "real_time_factor": result.real_time_factor,
                 "messages": result.messages,
                 "messages_lost": result.lost,
                 "incidents": [str(incident) for incident in result.incidents],
             }
-    ends = {law: run["reason"] for law, run in runs.items() if run["outcome"] != "ok"}
-    write_page(folder / "report.html", {law: folder / law for law in loaded}, **words, ends=ends)
-    return runs
+    return runs, numbers
 
 
-def _in_process(
-    loaded: Mapping[Law, Scenario], page: Path, words: Mapping[str, str], console: Console
-) -> dict[str, Numbers]:
-    """Run in this process, and write the page."""
-    done: dict[str, Run] = {}
+def _in_process(loaded: Mapping[Law, Scenario], console: Console) -> tuple[dict[str, RunData], dict[str, Numbers]]:
+    """Run in this process; return the runs and their numbers."""
+    runs, numbers = dict[str, RunData](), dict[str, Numbers]()
     for law, scenario in loaded.items():
         with console.status(f"{scenario.name} {law}"):
-            done[law] = scenario.run()
-    write_runs(page, done, **words)
-    return {
-        law: numbers_of(run.verdict)
-        | {"ticks": run.track.ticks, "incidents": [run.reason] if run.outcome != "ok" else []}
-        for law, run in done.items()
-    }
+            run = scenario.run()
+        runs[law] = run.track.data()
+        incidents = [run.reason] if run.outcome != "ok" else []
+        numbers[law] = numbers_of(run.verdict) | {"ticks": run.track.ticks, "incidents": incidents}
+    return runs, numbers
 
 
 def numbers_of(verdict: Verdict) -> Numbers:
@@ -142,14 +136,6 @@ def _staging_folder(out: Path) -> Path:
     except OSError as error:
         raise InputError(f"output folder {out}", got=error, expected="a folder that can be written") from None
     return staging
-
-
-def _move_in(staging: Path, out: Path) -> None:
-    for item in staging.iterdir():
-        target = out / item.name
-        if target.is_dir():
-            shutil.rmtree(target)
-        item.replace(target)
 
 
 def comparison_table(scenario: str, runs: Mapping[str, Mapping[str, Any]]) -> Table:

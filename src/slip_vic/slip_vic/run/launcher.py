@@ -16,14 +16,13 @@ from slip_msgs_py.events import Event, Progress, Started, Warned
 from slip_msgs_py.realtime import ProcessOptions
 from slip_msgs_py.stop_flag import StopFlag
 from slip_vic.run.domain import check_domain, domain_from_environment, domain_id
-from slip_vic.run.node_command import MODULES, parameter_arguments, run_parameters
+from slip_vic.run.node_command import NO_OPTIONS, node_command
 from slip_vic.run.prepare import prepare
 from slip_vic.run.processes import Child, ProcessGroup, child_environment, python_module
 from slip_vic.run.recording import recorder_command
 from slip_vic.scenarios.scenario import Scenario
 
 READY_TIMEOUT_S = 60.0
-NO_OPTIONS = ProcessOptions()
 POLL_S = 0.02
 TIMING = ("fresh", "overruns", "missed", "latency")
 
@@ -137,17 +136,21 @@ class Launcher:
         environment = child_environment(domain)
         recording = self._bag is not None
         scenario = self._scenario
-        controller, bridge = run_parameters(scenario, recording)
         # The bridge starts last: it needs the others, and its first output is the run's first tick.
         order: list[tuple[str, list[str]]] = []
         if self._bag is not None:
             recorder = recorder_command(scenario, self._bag, folder, self._namespace)
             order.append(("recorder", self._on_other_cores(recorder)))
-        arguments = {
-            "controller": parameter_arguments("controller", controller, folder),
-            "bridge": parameter_arguments("bridge", bridge, folder),
-        }
-        order += [(name, self._command(name, words)) for name, words in arguments.items()]
+        counts = {"expected_subscribers": 2 if recording else 1}  # each waits for the other one and the recorder
+        ready = replace(
+            scenario,
+            controllers={name: params.model_copy(update=counts) for name, params in scenario.controllers.items()},
+            bridges={name: params.model_copy(update=counts) for name, params in scenario.bridges.items()},
+        )
+        cores, words = self._process.cpus, ["-r", f"__ns:={self._namespace}"] if self._namespace else []
+        for name, own in (("controller", cores[-1:]), ("bridge", cores[:1])):
+            process = replace(self._process, cpus=own)
+            order.append((name, node_command(name, getattr(ready, name), folder, *words, process=process)))
         children = {name: group.start(name, argv, environment, self.note) for name, argv in order}
         self._wait(
             group, lambda: children["bridge"].last(Started) is not None, READY_TIMEOUT_S, "the processes to get ready"
@@ -160,17 +163,6 @@ class Launcher:
         result = self._result(children)
         self._on_progress(result.sim_time_s)
         return result
-
-    def _command(self, node: str, arguments: list[str]) -> list[str]:
-        """Return the command of a node's process; scheduling is set before its module is imported."""
-        module, words = MODULES[node], ["--ros-args", *arguments]
-        if self._namespace:
-            words += ["-r", f"__ns:={self._namespace}"]
-        cores = self._process.cpus
-        process = replace(self._process, cpus=cores[-1:] if node == "controller" else cores[:1])
-        if not process.arguments():
-            return python_module(module, *words)
-        return python_module("slip_msgs_py.realtime", *process.arguments(), module, *words)
 
     def _on_other_cores(self, command: list[str]) -> list[str]:
         """Keep a helper process off the cores of bridge and controller, where there are others."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import time
 from collections.abc import Callable, Iterator
 
 from rich.console import Console
@@ -31,54 +30,33 @@ def progress(name: str, total: int, done: int, console: Console) -> Iterator[Rep
         name: of what runs.
         total: number of cases.
         done: how many were done before.
-        console: where to; lines in the place of a bar where it is no terminal.
+        console: where to; a line now and then, and one at the end, in the place of a bar where it is no terminal.
     """
-    if not console.is_terminal:
-        lines = _Lines(name, total, done, console)
-        yield lines.report
-        lines.end()
-        return
     columns = (
         TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn(),
         TextColumn("{task.fields[remark]}"),
     )  # fmt: skip
-    with Progress(*columns, console=console) as bar:
+    with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
         task = bar.add_task(name, total=total, completed=done, remark="")
-        yield lambda now, remark: bar.update(task, completed=now, remark=remark)
+        said_s, said = bar.get_time(), -1.0
 
+        def say() -> None:
+            nonlocal said_s, said
+            now = bar.tasks[0]
+            said_s, said = bar.get_time(), now.completed
+            parts = [f"{name}: {now.completed:.0f} of {total} done", *filter(None, [now.fields["remark"]])]
+            if now.speed and now.time_remaining:
+                parts.insert(1, f"{now.speed:.3g} per second, about {now.time_remaining:.0f} s left")
+            console.print(", ".join(parts), highlight=False, soft_wrap=True)
 
-class _Lines:
-    """One line after every EVERY_S, and one at the end."""
+        def report(now: int, remark: str) -> None:
+            bar.update(task, completed=now, remark=remark)
+            if not console.is_terminal and bar.get_time() >= said_s + EVERY_S:
+                say()
 
-    def __init__(self, name: str, total: int, done: int, console: Console) -> None:
-        self._name, self._total, self._console = name, total, console
-        self._before, self._start = done, time.monotonic()
-        self._said_at = self._start
-        self._now, self._said, self._remark = done, -1, ""
-
-    def report(self, now: int, remark: str) -> None:
-        """Take how many are done, and a remark."""
-        self._now, self._remark = now, remark
-        if time.monotonic() >= self._said_at + EVERY_S:
-            self.say()
-
-    def end(self) -> None:
-        """Print the last line, where that has not been done."""
-        if self._now != self._said:
-            self.say()
-
-    def say(self) -> None:
-        """Print the line."""
-        self._said_at, self._said = time.monotonic(), self._now
-        passed, made = self._said_at - self._start, self._now - self._before
-        parts = [f"{self._name}: {self._now} of {self._total} done"]
-        if made:
-            parts.append(f"{made / passed:.3g} per second")
-        if made and self._now < self._total:
-            parts.append(f"about {(self._total - self._now) * passed / made:.0f} s left")
-        if self._remark:
-            parts.append(self._remark)
-        self._console.print(", ".join(parts), highlight=False, soft_wrap=True)
+        yield report
+    if not console.is_terminal and bar.tasks[0].completed != said:
+        say()
 
 
 AddBar = Callable[[str, float], Callable[[float], None]]

@@ -122,9 +122,11 @@ class Run:
         from slip_vic.page import require_page
 
         require_page()
-        from slip_vic.page.page import write_runs
+        from slip_vic.page.page import write_page
 
-        write_runs(Path(path), {self.scenario.law: self}, command="slip_vic.Run.page", title=self.scenario.name)
+        label = str(self.scenario.law)
+        ends = {label: self.reason} if self.reason else {}
+        write_page(Path(path), {label: self.track.data()}, command="slip_vic.Run.page", ends=ends)
         return Path(path)
 
     def _arm(self, name: str | None) -> ArmData:

@@ -2,27 +2,18 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from slip_core.arrays import Array
 from slip_core.params import flatten
-from slip_core.records import place
 from slip_sim_bridge.internal import internal_wrenches
-from slip_vic.run.data import AXES, ArmData, Channel, RunData
+from slip_vic.run.data import ArmData, Channel, RunData
 from slip_vic.run.in_process import Tick
 from slip_vic.scenarios.scenario import Scenario
 from slip_vic_controller.safety.modes import Mode
-from slip_vic_controller.state import INPUTS, OUTPUTS
-
-_PARTS = {
-    "slip": 6, "slip_velocity": 6, "wrench": 6, "object_position": 3, "object_rotation": 9,
-    "position": 3, "rotation": 9, "desired_position": 3, "desired_rotation": 9, "e": 6,
-}  # fmt: skip
-_POSITION, _ROTATION = place(INPUTS, "arm.position"), place(INPUTS, "arm.rotation")
-_DESIRED_POSITION, _DESIRED_ROTATION = place(OUTPUTS, "reference.position"), place(OUTPUTS, "reference.rotation")
-_E = place(OUTPUTS, "law.e")
-# Where the numbers stand in their buffers: by the names of records a tick costs three times as much.
 
 
 class Track:
@@ -30,60 +21,45 @@ class Track:
 
     Args:
         scenario: what runs.
-        whole: whether every symbol of the law is kept too, of every tick; else what a judge needs.
     """
 
-    def __init__(self, scenario: Scenario, *, whole: bool) -> None:
+    def __init__(self, scenario: Scenario) -> None:
         self.scenario, self.arms = scenario, tuple(scenario.controllers)
-        self._radius = scenario.first.friction.torsional_radius
-        self._internal: list[list[Array]] = [[] for _ in self.arms]
-        self._whole = whole
         self._times: list[float] = []
-        self._rows: list[list[Array]] = [[] for _ in self.arms]
-        self._evaluated: list[list[bool]] = [[] for _ in self.arms]
-        self._efforts: list[list[Array]] = [[] for _ in self.arms]
-        self._joints: list[list[Array]] = [[] for _ in self.arms]
-        self._symbol_names: tuple[tuple[str, ...], ...] = ()
-        self._symbols: list[list[Array]] = [[] for _ in self.arms]
+        self._object: list[Array] = []
+        self._rows: list[defaultdict[str, list[Array]]] = [defaultdict(list) for _ in self.arms]
+        self._symbols: list[tuple[str, ...]] = [() for _ in self.arms]
         self._modes: list[list[tuple[float, str]]] = [[] for _ in self.arms]
         self._said: list[tuple[int, ...]] = [() for _ in self.arms]
 
     def add(self, tick: Tick) -> None:
         """Take a tick in, with the effort that is applied."""
-        now = tick.time_s
-        if self._whole and not self._times:
-            self._symbol_names = tuple(result.symbol_names for result in tick.results)
-        self._times.append(now)
+        if not self._times:
+            self._symbols = [result.symbol_names for result in tick.results]
+        self._times.append(tick.time_s)
+        readings = [arm.readings for arm in tick.outputs.arms]
+        thing = readings[0].truth
+        self._object.append(np.concatenate((thing.position, thing.rotation.ravel())))
         if self.scenario.several:
-            readings = [arm.readings for arm in tick.outputs.arms]
             positions, rotations = zip(*(reading.pad for reading in readings), strict=True)
             wrenches = [reading.wrench.wrench for reading in readings]
-            _, parts = internal_wrenches(wrenches, positions, rotations, readings[0].truth.position, self._radius)
-            for kept, internal in zip(self._internal, parts, strict=True):
-                kept.append(np.array(internal))
-        for k, (outputs, result, effort) in enumerate(zip(tick.outputs.arms, tick.results, tick.efforts, strict=True)):
-            truth, known, answered = outputs.readings.truth, result.inputs, result.outputs
-            self._rows[k].append(
-                np.concatenate(
-                    (
-                        truth.slip_displacement, truth.slip_velocity, outputs.readings.wrench.wrench,
-                        truth.position, truth.rotation.ravel(), known[_POSITION], known[_ROTATION],
-                        answered[_DESIRED_POSITION], answered[_DESIRED_ROTATION], answered[_E],
-                    )
-                )
-            )  # fmt: skip
-            self._evaluated[k].append(result.ok)
-            self._efforts[k].append(np.array(effort))
+            radius = self.scenario.first.friction.torsional_radius
+            _, parts = internal_wrenches(wrenches, positions, rotations, thing.position, radius)
+            for rows, internal in zip(self._rows, parts, strict=True):
+                rows["internal"].append(np.array(internal))
+        for k, (reading, result, effort) in enumerate(zip(readings, tick.results, tick.efforts, strict=True)):
+            rows, truth, joint = self._rows[k], reading.truth, reading.joint
+            n = len(self.scenario.controllers[self.arms[k]].joint_names)
+            applied = effort if len(effort) == n else np.full(n, np.nan)
+            measured = joint.position[:n], joint.velocity[:n]
+            numbers = truth.slip_displacement, truth.slip_velocity, reading.wrench.wrench, *measured, applied
+            rows["all"].append(np.concatenate(numbers))
+            rows["law"].append(result.symbols())
             said = (result.mode, *(result.reason_key if result.mode is not Mode.ACTIVE else ()))
             if said != self._said[k]:
                 self._said[k] = said
                 words = result.reason if result.mode is not Mode.ACTIVE else ""
-                self._modes[k].append((now, f"{result.mode.name}: {words}" if words else result.mode.name))
-            if self._whole:
-                self._joints[k].append(
-                    np.concatenate((outputs.readings.joint.position, outputs.readings.joint.velocity))
-                )
-                self._symbols[k].append(result.symbols())
+                self._modes[k].append((tick.time_s, f"{result.mode.name}: {words}" if words else result.mode.name))
 
     @property
     def ticks(self) -> int:
@@ -94,60 +70,28 @@ class Track:
         """Return the changes of mode of each arm: from when on [s], mode and reason."""
         return {name: tuple(self._modes[k]) for k, name in enumerate(self.arms)}
 
+    def _channels(self, k: int) -> dict[str, Array]:
+        """Return the rows of each channel of an arm."""
+        found = {name: np.array(rows) for name, rows in self._rows[k].items()}
+        parts = np.split(found.pop("all"), [6, 12, 18], axis=1)
+        names = "slip", "slip_velocity", "wrench", "joints", "joint_velocity", "effort"
+        return found | dict(zip(names, (*parts[:3], *np.split(parts[3], 3, axis=1)), strict=True))
+
     def data(self) -> RunData:
         """Return the run."""
-        scenario, times = self.scenario, np.array(self._times) - self._times[0]
-        parts = [self._parts(k) for k in range(len(self.arms))]
-        pose = np.hstack(
-            (parts[0]["object_position"], Rotation.from_matrix(parts[0]["object_rotation"].reshape(-1, 3, 3)).as_quat())
+        scenario, times, thing = self.scenario, np.array(self._times) - self._times[0], np.array(self._object)
+        attitude = Rotation.from_matrix(thing[:, 3:].reshape(-1, 3, 3)).as_quat()
+        arms = tuple(
+            ArmData(
+                name,
+                scenario.placed[name],
+                tuple(scenario.controllers[name].joint_names),
+                flatten(scenario.controllers[name]),
+                {channel: Channel(times, rows) for channel, rows in self._channels(k).items()},
+                self._symbols[k],
+                tuple(self._modes[k]),
+            )
+            for k, name in enumerate(self.arms)
         )
-        return RunData(
-            tuple(self._arm(k, name, times, parts[k]) for k, name in enumerate(self.arms)),
-            Channel(times, pose),
-            flatten(scenario.first),
-            {"scenario": scenario.name, "seed": str(scenario.seed)},
-            {},
-        )
-
-    def _arm(self, k: int, name: str, times: Array, parts: dict[str, Array]) -> ArmData:
-        controller = self.scenario.controllers[name]
-        symbols, law = self._law(k, parts)
-        joints = len(controller.joint_names)
-        efforts = [effort if len(effort) == joints else np.full(joints, np.nan) for effort in self._efforts[k]]
-        rows = {
-            "slip": parts["slip"],
-            "slip_velocity": parts["slip_velocity"],
-            "wrench": parts["wrench"],
-            "effort": np.array(efforts).reshape(len(times), joints),
-            "law": law,
-        }
-        if self._internal[k]:
-            rows["internal"] = np.array(self._internal[k])
-        if self._joints[k]:
-            measured, n = np.array(self._joints[k]), len(controller.joint_names)
-            rows |= {"joints": measured[:, :n], "joint_velocity": measured[:, measured.shape[1] // 2 :][:, :n]}
-        return ArmData(
-            name,
-            self.scenario.placed[name],
-            tuple(controller.joint_names),
-            flatten(controller),
-            {channel: Channel(times, values) for channel, values in rows.items()},
-            symbols,
-            tuple(self._modes[k]),
-        )
-
-    def _parts(self, k: int) -> dict[str, Array]:
-        ends = np.cumsum(list(_PARTS.values()))[:-1]
-        return dict(zip(_PARTS, np.split(np.array(self._rows[k]), ends, axis=1), strict=True))
-
-    def _law(self, k: int, parts: dict[str, Array]) -> tuple[tuple[str, ...], Array]:
-        """Return the names of the symbols, and their values; (N, m)."""
-        if self._whole:
-            return tuple(self._symbol_names[k]), np.array(self._symbols[k])
-        evaluated, columns = np.array(self._evaluated[k]), []
-        for position, rotation in (("position", "rotation"), ("desired_position", "desired_rotation")):
-            turned = parts[rotation].reshape(-1, 3, 3).copy()
-            turned[~evaluated] = np.eye(3)  # the record of a cycle without the law holds no attitude
-            columns.append(np.hstack([parts[position], Rotation.from_matrix(turned).as_rotvec()]))
-        names = tuple(f"{name}_{axis}" for name in ("position", "desired", "e") for axis in AXES)
-        return names, np.where(evaluated[:, None], np.hstack([*columns, parts["e"]]), np.nan)
+        facts = {"scenario": scenario.name, "seed": str(scenario.seed)}
+        return RunData(arms, Channel(times, np.hstack((thing[:, :3], attitude))), flatten(scenario.first), facts, {})

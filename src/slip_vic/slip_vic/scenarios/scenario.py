@@ -188,7 +188,7 @@ class Scenario:
 
         if isinstance(law, OwnLaw):
             own = Driven(self, law)
-            track = Track(own.scenario, whole=True)
+            track = Track(own.scenario)
             verdict = judge(own.ticks(), track)
             if own.failure:
                 raise InputError(f"law {type(law).__name__}", got=own.failure, expected="docs/your_law.md")
@@ -200,7 +200,7 @@ class Scenario:
                     tick.effort = law(tick)
                 yield tick
 
-        track = Track(self, whole=True)
+        track = Track(self)
         return Run(self, judge(driven(), track), track)
 
     @property

@@ -20,7 +20,6 @@ AXIS = click.Choice(["x", "-x", "y", "-y", "z", "-z"])
 @click.option("--approach", type=AXIS, default=None, help="its axis out of the hand; default: found")
 @click.option("--normal", type=AXIS, default=None, help="its axis along which the jaws close; default: found")
 @click.option("--reach", type=float, default=0.0, show_default=True, help="from it to the pad centre [m]")
-@click.option("--gripper-width", "width", type=click.FloatRange(0.0), help="opening of sliding fingers [m]; default 0")
 @click.option("--lock", "locks", multiple=True, metavar="JOINT=VALUE", help="keep a joint there; repeatable")
 @click.option("--scenario", "scenarios", default="paper_planar", show_default=True, help="names, comma separated")
 @click.option("--scale", type=click.FloatRange(0.01, 10.0), default=1.0, show_default=True, help="size of the path")
@@ -33,7 +32,6 @@ def arm(
     approach: str | None,
     normal: str | None,
     reach: float,
-    width: float | None,
     locks: tuple[str, ...],
     scenarios: str,
     scale: float,
@@ -52,7 +50,6 @@ def arm(
         approach=approach or "",
         normal=normal or "",
         reach=reach,
-        width=width,
         locked=dict(map(_position, locks)),
     )
     for line in made.said:

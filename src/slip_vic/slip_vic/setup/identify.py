@@ -6,12 +6,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
+import yaml
 from rich.table import Table
 
 from slip_bags.reader import Bag
 from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.records import new, record
+from slip_vic.run.data import urdf_of
 from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.law.arm import ARM, Arm
 
@@ -26,22 +29,14 @@ STEPS = 0.99
 """Share of position steps that are whole multiples of the smallest: then it is a quantum."""
 
 
-@dataclass(frozen=True, slots=True)
-class JointNumbers:
-    """One joint. Friction and offset are NaN where it does not move both ways, viscous where its speed hardly varies.
-
-    noise_position [rad], noise_velocity [rad/s]: standard deviations; quantum [rad], 0 where there is none; coulomb
-    [N m], viscous [N m s/rad], offset [N m]; residual: root mean square of what these leave of the effort [N m].
-    """
-
-    name: str
-    noise_position: float
-    noise_velocity: float
-    quantum: float
-    coulomb: float
-    viscous: float
-    offset: float
-    residual: float
+COLUMNS = {
+    "noise_position": "noise q [rad]", "noise_velocity": "noise qd [rad/s]", "quantum": "quantum [rad]",
+    "coulomb": "coulomb [N m]", "viscous": "viscous [N m s/rad]", "offset": "offset [N m]",
+    "residual": "left over [N m]",
+}  # fmt: skip
+"""Numbers of a joint. Noise: standard deviations; quantum: 0 where there is none; residual: root mean square of what
+friction and offset leave of the effort. Friction and offset are NaN where it does not move both ways, viscous where its
+speed hardly varies."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +65,7 @@ def read_motion(path: Path, robot_frame: str) -> tuple[Motion, Robot]:
         if series["effort"].shape != series["position"].shape:
             raise InputError(f"bag {path}", got="joint states without efforts", expected="one effort per joint")
         names = tuple(map(str, series["name"][0]))
-        robot = Robot(_urdf(bag), robot_frame, names)
+        robot = Robot(urdf_of(bag), robot_frame, names)
         q, qd, times = series["position"], series["velocity"], 1e-9 * (series.stamps - series.stamps[0])
         if qd.shape != q.shape or np.isnan(qd).all():  # the arm measures positions alone
             qd = np.gradient(q, times, axis=0)
@@ -84,8 +79,8 @@ def read_motion(path: Path, robot_frame: str) -> tuple[Motion, Robot]:
     return Motion(names, times, q, qd, series["effort"], load), robot
 
 
-def identify(motion: Motion, robot: Robot) -> list[JointNumbers]:
-    """Return the numbers of each joint by least squares over the motion.
+def identify(motion: Motion, robot: Robot) -> pd.DataFrame:
+    """Return the numbers of each joint by least squares over the motion; a row per joint, COLUMNS.
 
     effort = M qdd + C qd + g - J^T h + coulomb sign(qd) + viscous qd - offset, with velocities smoothed over 0.1 s.
     """
@@ -97,67 +92,50 @@ def identify(motion: Motion, robot: Robot) -> list[JointNumbers]:
         robot.terms(q[k], smooth[k], buffer)
         model[k] = arm.M[:n, :n] @ acceleration[k] + arm.bias[:n]
     rest = motion.effort - model + motion.load
-    noise_v = np.std(np.diff(v, n=2, axis=0), axis=0) / np.sqrt(6.0)  # differences in which the motion itself cancels
-    noise_q = np.std(np.diff(q, n=3, axis=0), axis=0) / np.sqrt(20.0)
-    found = []
-    for j, name in enumerate(motion.names):
-        speed = smooth[:, j]
-        moves = np.abs(speed) > max(LEAST_SPEED, 6.0 * noise_v[j] / np.sqrt(max(1.0, WINDOW_S / dt)))
-        share = min(float(np.mean(moves & (speed > 0.0))), float(np.mean(moves & (speed < 0.0))))
-        coulomb = viscous = offset = residual = float("nan")
-        if share >= LEAST_SHARE:
-            y, x = rest[moves, j], speed[moves]
-            columns = [np.sign(x), np.ones_like(x)]
-            if np.std(np.abs(x)) > 0.1 * np.mean(np.abs(x)):
-                columns.append(x)
-            A = np.stack(columns, axis=1)
-            solved = np.linalg.lstsq(A, y, rcond=None)[0]
-            coulomb, offset = float(solved[0]), -float(solved[1])
-            viscous = float(solved[2]) if len(solved) > 2 else float("nan")
-            residual = float(np.sqrt(np.mean((y - A @ solved) ** 2)))
-        found.append(
-            JointNumbers(
-                name, float(noise_q[j]), float(noise_v[j]), _quantum(q[:, j]), coulomb, viscous, offset, residual
-            )
-        )
+    found = pd.DataFrame(np.nan, index=pd.Index(motion.names, name="joint"), columns=list(COLUMNS))
+    # Differences in which the motion itself cancels.
+    found["noise_position"] = np.std(np.diff(q, n=3, axis=0), axis=0) / np.sqrt(20.0)
+    found["noise_velocity"] = np.std(np.diff(v, n=2, axis=0), axis=0) / np.sqrt(6.0)
+    found["quantum"] = [_quantum(column) for column in q.T]
+    fewest = np.sqrt(max(1.0, WINDOW_S / dt))
+    for name, speed, effort in zip(motion.names, smooth.T, rest.T, strict=True):
+        moves = np.abs(speed) > max(LEAST_SPEED, 6.0 * float(found.at[name, "noise_velocity"]) / fewest)
+        if min(np.mean(moves & (speed > 0.0)), np.mean(moves & (speed < 0.0))) < LEAST_SHARE:
+            continue
+        y, x, columns = effort[moves], speed[moves], ["coulomb", "offset"]
+        A = np.stack([np.sign(x), -np.ones_like(x), x], axis=1)
+        if np.std(np.abs(x)) > 0.1 * np.mean(np.abs(x)):
+            columns.append("viscous")
+        A = A[:, : len(columns)]
+        solved = np.linalg.lstsq(A, y, rcond=None)[0]
+        found.loc[name, [*columns, "residual"]] = [*solved, np.sqrt(np.mean((y - A @ solved) ** 2))]
     return found
 
 
-def table(numbers: list[JointNumbers]) -> Table:
+def table(numbers: pd.DataFrame) -> Table:
     """Return the numbers for a terminal."""
     made = Table(box=None, header_style="bold", pad_edge=False)
-    for name in ("joint", "noise q [rad]", "noise qd [rad/s]", "quantum [rad]", "coulomb [N m]", "viscous [N m s/rad]",
-                 "offset [N m]", "left over [N m]"):  # fmt: skip
-        made.add_column(name, justify="left" if name == "joint" else "right", no_wrap=name == "joint")
-    for one in numbers:
-        values = (one.coulomb, one.viscous, one.offset, one.residual)
-        made.add_row(
-            one.name, f"{one.noise_position:.2g}", f"{one.noise_velocity:.2g}", f"{one.quantum:.3g}",
-            *("-" if np.isnan(value) else f"{value:.3f}" for value in values),
-        )  # fmt: skip
+    made.add_column("joint", no_wrap=True)
+    for heading in COLUMNS.values():
+        made.add_column(heading, justify="right")
+    for name, row in numbers.iterrows():
+        made.add_row(str(name), *("-" if np.isnan(value) else f"{value:.3g}" for value in row))
     return made
 
 
-def preset(numbers: list[JointNumbers], source: str) -> str:
+def preset(numbers: pd.DataFrame, source: str) -> str:
     """Return a drive file for ``--drive`` with these numbers; what was not seen is left out."""
-    import yaml
-
-    drive = {
-        name: [round(max(0.0, getattr(one, name)) if name != "offset" else one.offset, 4) for one in numbers]
-        for name in ("coulomb", "viscous", "offset")
-        if not any(np.isnan(getattr(one, name)) for one in numbers)
-    }
-    joint = {
-        "noise_position": max(one.noise_position for one in numbers),
-        "noise_velocity": max(one.noise_velocity for one in numbers),
-        "quantum_position": max(one.quantum for one in numbers),
-    }
-    if joint["quantum_position"] > 0.0:
-        joint["noise_position"] = 0.0  # what differences show of it is the quantum's
+    seen = numbers[["coulomb", "viscous", "offset"]].dropna(axis="columns")
+    friction = ["coulomb", "viscous"]
+    drive = seen.assign(**{name: seen[name].clip(lower=0.0) for name in friction if name in seen}).round(4)
+    noise, quantum = numbers[["noise_position", "noise_velocity"]].max(), float(numbers["quantum"].max())
+    if quantum > 0.0:
+        noise["noise_position"] = 0.0  # what differences show of it is the quantum's
+    joint = {**noise, "quantum_position": quantum}
     content = {
         "description": "An arm as measured.",
         "sources": source,
-        "drive": drive,
+        "drive": drive.to_dict("list"),
         "joint": {name: float(f"{value:.3g}") for name, value in joint.items()},
     }
     return yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=120)
@@ -192,14 +170,3 @@ def _loads(robot: Robot, q: Array, h: Array) -> Array:
         R, J = arm.rotation, arm.J[:, :n]
         loads[k] = J.T @ np.concatenate((R @ h[k, :3], R @ h[k, 3:]))
     return loads
-
-
-def _urdf(bag: Bag) -> str:
-    if "arm.urdf" in bag.attachments:
-        return bag.attachments["arm.urdf"].decode()
-    topic = bag.ending("robot_description")
-    if topic is None or not bag.topics[topic].message_count:
-        raise InputError(
-            f"bag {bag.path}", got="no robot_description", expected="the arm's URDF, as topic or attachment"
-        )
-    return str(bag.series(topic)["data"][0])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass
 from xml.etree.ElementTree import Element
 
@@ -35,13 +34,12 @@ _LEVER = 1e-3
 class Hand:
     """The end of an arm. Directions are axes of `link`: "x", "-z" and so on.
 
-    joints: those that carry it, from base to tip; fingers: moving joints behind it; approach: out of the hand;
+    joints: those that carry it, from base to tip; approach: out of the hand;
     normal: the closing direction of the jaws; said: what was found rather than given, one line each.
     """
 
     link: str
     joints: tuple[str, ...]
-    fingers: tuple[str, ...]
     approach: str
     normal: str
     said: tuple[str, ...]
@@ -75,8 +73,7 @@ def find_hand(
     if not link:
         link = _last_link(root, locked)
         said.append(f"the hand is at link {link} (--ee LINK takes another)")
-    carrying = chain(root, link)
-    joints = tuple(name for name in moving(carrying) if name not in locked)
+    joints = tuple(name for name in moving(chain(root, link)) if name not in locked)
     if len(joints) < LEAST_JOINTS:
         raise InputError(
             f"arm to link {link}",
@@ -85,15 +82,14 @@ def find_hand(
             fix="--ee names the hand's link where another one is meant",
         )
     if not approach:
-        approach = _approach(carrying, joints)
+        approach = _approach(root, link, joints[-1])
         said.append(f"it reaches along {approach} of that link (--approach takes another axis)")
     if not normal:
-        normal, why = _normal(root, link, joints, approach)
+        normal, why = _normal(root, link, joints[-1], approach)
         said.append(f"its jaws close along {normal} of that link, {why} (--normal takes another axis)")
     if abs(float(AXES[approach] @ AXES[normal])) > 0.0:
         raise InputError(f"--normal {normal}", got=f"along --approach {approach}", expected="another axis of the link")
-    behind = tuple(name for name in moving(list(named(root, "joint").values())) if _is_behind(root, name, joints[-1]))
-    return Hand(link, joints, behind, approach, normal, tuple(said))
+    return Hand(link, joints, approach, normal, tuple(said))
 
 
 def _last_link(root: Element, locked: tuple[str, ...]) -> str:
@@ -124,11 +120,6 @@ def _is_finger(joint: Element) -> bool:
     return joint.find("mimic") is not None or (joint.get("type") != "fixed" and bool(_FINGER.search(words)))
 
 
-def _is_behind(root: Element, name: str, last: str) -> bool:
-    """Whether a joint is moved by the arm's last joint."""
-    return name != last and last in moving(chain(root, end_of(named(root, "joint")[name], "child")))
-
-
 def pose_of(joint: Element) -> tuple[Array, Array]:
     """Return the origin of a joint on its parent's axes: position (3,) [m], rotation (3, 3)."""
     position, quaternion = origin_of(joint)
@@ -141,25 +132,25 @@ def axis_of(joint: Element) -> Array:
     return np.array(found / np.linalg.norm(found))
 
 
-def _approach(carrying: list[Element], joints: tuple[str, ...]) -> str:
-    """Return the axis of the last link that is nearest to the last joint's, away from the arm."""
-    names = [str(joint.get("name")) for joint in carrying]
-    last = names.index(joints[-1])
-    R, p = np.eye(3), np.zeros(3)  # the hand on the last joint's axes
-    for joint in reversed(carrying[last + 1 :]):
+def _pose(root: Element, link: str) -> tuple[Array, Array]:
+    """Return where a link is with all joints at 0: position (3,) [m], rotation (3, 3)."""
+    p, R = np.zeros(3), np.eye(3)
+    for joint in chain(root, link):
         d, turn = pose_of(joint)
-        R, p = turn @ R, d + turn @ p
-    axis = R.T @ axis_of(carrying[last])
+        p, R = p + R @ d, R @ turn
+    return p, R
+
+
+def _approach(root: Element, link: str, last: str) -> str:
+    """Return the axis of the link that is nearest to that of the joint `last`, away from the arm."""
+    position, R = _pose(root, link)
+    carrying = chain(root, link)
+    behind = [str(joint.get("name")) for joint in carrying].index(last)
+    axis = _pose(root, end_of(carrying[behind], "child"))[1] @ axis_of(carrying[behind])
     # The side on which the hand is, seen from the last joint; where it is at it, from the joints before.
-    side = float(p @ axis_of(carrying[last]))
-    turned = np.eye(3)
-    for joint in reversed(carrying[: last + 1]):
-        if abs(side) > _LEVER:
-            break
-        d, turn = pose_of(joint)
-        turned = turn @ turned
-        side += float(turned.T @ d @ axis_of(carrying[last]))
-    direction = axis * math.copysign(1.0, side)
+    ends = [end_of(carrying[behind], "child"), *(end_of(joint, "parent") for joint in carrying[behind::-1])]
+    sides = (float((position - _pose(root, end)[0]) @ axis) for end in ends)
+    direction = math.copysign(1.0, next((side for side in sides if abs(side) > _LEVER), 1.0)) * R.T @ axis
     name = max(AXES, key=lambda one: float(AXES[one] @ direction))
     if float(AXES[name] @ direction) < _ALONG:
         raise InputError(
@@ -169,42 +160,14 @@ def _approach(carrying: list[Element], joints: tuple[str, ...]) -> str:
     return name
 
 
-def _normal(root: Element, link: str, joints: tuple[str, ...], approach: str) -> tuple[str, str]:
+def _normal(root: Element, link: str, last: str, approach: str) -> tuple[str, str]:
     """Return along which axis of the link the jaws close, and how that was found."""
     for name, joint in named(root, "joint").items():
-        if joint.get("type") != "prismatic" or not _is_behind(root, name, joints[-1]):
+        child = end_of(joint, "child")
+        if joint.get("type") != "prismatic" or name == last or last not in moving(chain(root, child)):
             continue
-        here, there = (_pose_in_body(root, one, joints[-1]) for one in (link, end_of(joint, "child")))
-        direction = here.T @ there @ axis_of(joint)
+        direction = _pose(root, link)[1].T @ _pose(root, child)[1] @ axis_of(joint)
         found = max("xyz", key=lambda one: abs(float(AXES[one] @ direction)))
         if abs(float(AXES[found] @ direction)) > _ALONG and found != approach[-1]:
             return found, f"as finger {name} does"
     return next(name for name in "yz" if name != approach[-1]), "as assumed: no sliding finger shows it"
-
-
-def _pose_in_body(root: Element, link: str, last: str) -> Array:
-    """Return the axes of a link on those of the body behind the joint `last`; (3, 3)."""
-    R = np.eye(3)
-    for joint in reversed(chain(root, link)):
-        if joint.get("name") == last:
-            break
-        R = pose_of(joint)[1] @ R
-    return R
-
-
-def finger_positions(root: Element, fingers: tuple[str, ...], width: float | None) -> Mapping[str, float]:
-    """Return where sliding fingers are for an opening of `width` [m] in all; others stay at 0.
-
-    Raises:
-        InputError: no sliding finger.
-    """
-    if width is None:
-        return {}
-    joints = named(root, "joint")
-    sliding = [name for name in fingers if joints[name].get("type") == "prismatic"]
-    if not sliding:
-        raise InputError(
-            "--gripper-width", got=f"{width:g}, and no sliding finger", expected="a gripper with prismatic joints",
-            fix="give the angle of a turning finger: --lock JOINT=ANGLE",
-        )  # fmt: skip
-    return dict.fromkeys(sliding, width / len(sliding))

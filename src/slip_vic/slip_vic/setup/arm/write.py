@@ -18,7 +18,7 @@ from slip_core.files.urdf import NO_LIMIT, parse_urdf
 from slip_vic.scenarios.parameter_files import commented_file, write_files
 from slip_vic.scenarios.reach import pad_path
 from slip_vic.scenarios.scenario import NODES, Scenario, load_scenario, read_scenario
-from slip_vic.setup.arm.hand import LEAST_JOINTS, Hand, find_hand, finger_positions
+from slip_vic.setup.arm.hand import LEAST_JOINTS, Hand, find_hand
 from slip_vic.setup.arm.posture import Start, best_start, postures
 from slip_vic.setup.arm.write_urdf import PAD, arm_urdf
 from slip_vic_controller.arm.robot import Robot
@@ -28,7 +28,6 @@ from slip_vic_controller.params.node_params import ControllerNodeParams
 URDF_NAME = "arm.urdf"
 LONGEST_REACH_M = 1.0
 _ROUNDED = 9
-_SMALLER = (0.7, 0.5, 0.35, 0.25)
 _LENGTHS = {"displacement", "rotation", "waypoints", "radius"}
 _TIMES = {"start_s", "duration_s", "waypoint_times_s", "period_s", "ramp_s"}
 
@@ -52,7 +51,6 @@ class Arm:
         text: the URDF as it is distributed.
         link, approach, normal: of the hand; empty ones are found.
         reach: from the link's origin to the pad centre [m].
-        width: opening of the gripper [m]; None: closed.
         locked: joints that stay somewhere: name -> position [rad, m].
 
     Raises:
@@ -67,15 +65,12 @@ class Arm:
         approach: str = "",
         normal: str = "",
         reach: float = 0.0,
-        width: float | None = None,
         locked: dict[str, float] | None = None,
     ) -> None:
         root = parse_urdf(text)
         stays = locked or {}
         self.hand: Hand = find_hand(root, link, approach, normal, tuple(stays))
-        self.urdf, said = arm_urdf(
-            root, self.hand, reach, {**finger_positions(root, self.hand.fingers, width), **stays}
-        )
+        self.urdf, said = arm_urdf(root, self.hand, reach, stays)
         self.said = [*self.hand.said, *said, *reach_advice(reach)]
         self.robot = Robot(self.urdf, PAD, self.hand.joints)
 
@@ -97,17 +92,10 @@ class Arm:
         times, path = pad_path(controller.trajectory)
         weight = controller.object.mass * np.array(controller.gravity)
         robot = Robot(self.urdf, PAD, self.hand.joints, controller.gravity)
-        known_postures = postures(robot, rotation)
-
-        def at(size: float) -> Start | None:
-            return best_start(robot, known_postures, math.sqrt(size) * times, size * path, weight)
-
-        start = at(scale)
+        start = best_start(robot, postures(robot, rotation), math.sqrt(scale) * times, scale * path, weight)
         reason = failing(start, robot, controller)
         if start is None or reason:
-            smaller = (scale * part for part in _SMALLER)
-            fits = next((size for size in smaller if not failing(at(size), robot, controller)), None)
-            fix = f"--scale {fits:.2g} is within reach" if fits else "try another --scenario, --approach or --normal"
+            fix = "try a smaller --scale, another --scenario, --approach or --normal"
             if len(self.hand.joints) > LEAST_JOINTS:
                 fix += ", or keep a joint that is too slow where it is: --lock JOINT=VALUE"
             raise InputError(
@@ -173,8 +161,7 @@ def reach_advice(reach: float) -> list[str]:
         InputError: one that is no length of a hand.
     """
     if not math.isfinite(reach) or abs(reach) > LONGEST_REACH_M:
-        fix = f"--reach {1e-3 * reach:g} where that was mm" if math.isfinite(reach) else ""
-        raise InputError("--reach", got=f"{reach:g}", expected=f"metres, within {LONGEST_REACH_M:g}", fix=fix)
+        raise InputError("--reach", got=f"{reach:g}", expected=f"metres, within {LONGEST_REACH_M:g}")
     if reach == 0.0:
         return ["the pad centre is at that link's origin: the object sits in the flange (--reach METRES moves it out)"]
     return []

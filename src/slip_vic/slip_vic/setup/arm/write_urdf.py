@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
@@ -14,7 +14,6 @@ from slip_core.arrays import Array
 from slip_core.errors import InputError, UnknownName
 from slip_core.files.urdf import (
     carried_links,
-    check_limits,
     end_of,
     fix,
     inertial,
@@ -47,7 +46,6 @@ def arm_urdf(root: Element, hand: Hand, reach: float, positions: Mapping[str, fl
     """
     said: list[str] = []
     _lock(root, hand, positions, said)
-    check_all_limits(root, hand.joints)
     _mend_inertias(root, hand, said)
     text = usable_urdf(ElementTree.tostring(root, encoding="unicode"), hand.link, hand.joints)
     ready = parse_urdf(text)
@@ -55,29 +53,6 @@ def arm_urdf(root: Element, hand: Hand, reach: float, positions: Mapping[str, fl
     _add_shapes(ready, hand)
     ElementTree.indent(ready)
     return ElementTree.tostring(ready, encoding="unicode", xml_declaration=True) + "\n", said
-
-
-def check_all_limits(root: Element, names: Sequence[str]) -> None:
-    """Look whether every joint of an arm has what a controller needs of it.
-
-    Raises:
-        InputError: all joints that have not, in one message.
-    """
-    joints, wrong = named(root, "joint"), list[InputError]()
-    for name in names:
-        try:
-            check_limits(joints[name])
-        except InputError as error:
-            wrong.append(error)
-    if len(wrong) == 1:
-        raise wrong[0]
-    if wrong:
-        listed = "; ".join(f"{error.what.removeprefix('URDF joint ')}: {error.got}" for error in wrong)
-        raise InputError(
-            f"URDF joints {listed}", got=f"{len(wrong)} joints without what a controller needs",
-            expected='<limit lower="" upper="" effort="" velocity=""/> with positive effort and velocity in each',
-            fix="change the URDF, or keep a joint where it is: --lock NAME=VALUE",
-        )  # fmt: skip
 
 
 def _lock(root: Element, hand: Hand, positions: Mapping[str, float], said: list[str]) -> None:
@@ -113,23 +88,18 @@ def _lock(root: Element, hand: Hand, positions: Mapping[str, float], said: list[
 
 
 def _check_lock(joint: Element, value: float) -> None:
-    """Look whether a joint can stay somewhere.
+    """Check that a joint can stay somewhere.
 
     Raises:
-        InputError: beyond its limits, or no number; with what fits.
+        InputError: beyond its limits, or no number.
     """
-    limit, name = joint.find("limit"), joint.get("name")
-    low, high = -math.inf, math.inf
+    limit, (low, high) = joint.find("limit"), (-math.inf, math.inf)
     if limit is not None and joint.get("type") in ("revolute", "prismatic"):
         low, high = float(limit.get("lower", "0")), float(limit.get("upper", "0"))
-    if math.isfinite(value) and low <= value <= high:
-        return
-    unit, other, factor = ("m", "mm", 1e-3) if joint.get("type") == "prismatic" else ("rad", "degrees", math.pi / 180.0)
-    fits = math.isfinite(value) and low <= factor * value <= high
-    fix = f"--lock {name}={factor * value:.6g} where that was {other}" if fits else ""
-    raise InputError(
-        f"--lock {name}", got=f"{value:g} {unit}", expected=f"within its limits {low:g}..{high:g}", fix=fix
-    )
+    if not (math.isfinite(value) and low <= value <= high):
+        raise InputError(
+            f"--lock {joint.get('name')}", got=f"{value:g}", expected=f"within its limits {low:g}..{high:g} [rad, m]"
+        )
 
 
 def _rest(joint: Element) -> float:

@@ -1,5 +1,5 @@
 """Supervised bring-up: from running drivers to a first governed motion, step by step; `slip-vic bringup`.
 
-`verdicts` judges numbers; `walk` is the order of the steps; `hands` pushes and pulls; `ros_system` is the controller
-with its drivers over DDS.
+`walk` is the steps with their checks; `hands` pushes and pulls; `ros_system` is the controller with its drivers over
+DDS; `heard` is what it sends.
 """

@@ -11,7 +11,7 @@ import click
 import numpy as np
 
 from slip_core.arrays import Array
-from slip_vic.setup.bringup.verdicts import Heard
+from slip_vic.setup.bringup.heard import Heard
 
 if TYPE_CHECKING:
     from slip_vic.setup.bringup.ros_system import RosSystem

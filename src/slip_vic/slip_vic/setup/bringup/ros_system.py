@@ -29,7 +29,7 @@ from slip_core.types import CartesianReference
 from slip_msgs_py.messages import to_msgs
 from slip_msgs_py.messages.from_msgs import JointOrder, vector6
 from slip_msgs_py.qos import create_publisher, message_class
-from slip_vic.setup.bringup.verdicts import Heard, Track
+from slip_vic.setup.bringup.heard import Heard, Track
 from slip_vic_controller.params.node_params import ControllerNodeParams
 
 CONTROLLER: Final = "slip_vic_controller"

@@ -1,11 +1,11 @@
-"""The steps of a bring-up: each measures and is judged, and the next follows only if it holds."""
+"""The steps of a bring-up: each measures, judges and says what to do; the next follows only if it holds."""
 
 from __future__ import annotations
 
 import contextlib
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 import yaml
@@ -15,9 +15,8 @@ from slip_core.errors import InputError, SlipVicError
 from slip_core.params import nested_names
 from slip_core.records import new, record
 from slip_core.vectors import mat
-from slip_vic.setup.bringup import verdicts
 from slip_vic.setup.bringup.hands import Hands
-from slip_vic.setup.bringup.verdicts import Heard, Verdict
+from slip_vic.setup.bringup.heard import Heard, Track, joined
 from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.interfaces import WRENCH_SENSOR, fill_wrench_sensor, wrench_at_pad
 from slip_vic_controller.law.arm import ARM
@@ -27,21 +26,55 @@ if TYPE_CHECKING:
     from slip_vic.setup.bringup.ros_system import RosSystem
 
 LISTENED_S: Final = 2.0
-HELD_S: Final = 2.0
-LOOSE_S: Final = 5.0
 WATCHED_S: Final = 0.25
 CLOSELY_S: Final = 0.05
-GOAL_S: Final = 30.0
-STARTED_S: Final = 3.0
-PROBE_M: Final = 0.03
-PROBES_S: Final = (2.0, 1.4, 1.0, 0.7, 0.5, 0.4)
-FIRST_M: Final = 0.03
-FULL_SPEED: Final = 0.25
-"""[m/s], reduced speed of ISO 10218-1, with a person beside the arm; the first motion has a tenth of it."""
-QUINTIC_PEAK: Final = 1.875
-SIGMAS: Final = 4.0
+HELD_S, LOOSE_S, STARTED_S, GOAL_S = 2.0, 5.0, 3.0, 30.0
+MOTION_M: Final = 0.03
+DURATIONS_S: Final = (2.0, 1.4, 1.0, 0.7, 0.5, 0.4)
+"""Of the motions there and back: the first one peaks at 28 mm/s, a ninth of the reduced speed of ISO 10218-1."""
+RATE_SLACK: Final = 0.2
+RESTING_SPEED: Final = 0.02  # [rad/s], of the mean, which noise of a velocity does not move
+NO_NOISE: Final = 1e-9  # rounding, not a sensor's noise
+SLIP_OFFSET: Final = 5e-3  # [m/s]: half of what opens the law's gate with its default steepness
 SLIP_SPEED: Final = 0.01  # [m/s] that counts as slip while a person pulls
+SIGMAS: Final = 4.0
+NOISE_SHARE: Final = 0.4  # of the friction limit: above it white noise alone looks like slip (docs/sensors.md)
+WEIGHT_SLACK: Final = 0.2
+LEVER_SLACK: Final = 0.03  # [m] between the weight's line of action and that of the measured wrench
+TURNED: Final = math.radians(10.0)  # of a weight
+ASKEW: Final = math.radians(35.0)  # of a push by hand
+LEAST_TURN: Final = 0.01  # [rad, m]: of a joint that is moved by hand
+LEAST_PUSH: Final = 0.5  # [N]
+SAG: Final = 0.02  # [rad, m]: in HOLD with its stiffness
+DRIFT: Final = 0.05  # [rad, m]: in 5 s without stiffness
+MISSED: Final = 0.01  # [m]: of the first motion's goal
+SLIPPED: Final = 2e-3  # [m]: of the first motion
 AXES: Final = ("+x", "+y", "+z")
+
+
+class Verdict(NamedTuple):
+    """Measured and expected values of a step, and what to do; an empty fix: the step holds."""
+
+    step: str
+    measured: str
+    expected: str
+    fix: str = ""
+
+    @property
+    def holds(self) -> bool:
+        """Whether the bring-up may continue."""
+        return not self.fix
+
+    def __str__(self) -> str:
+        """Return one line."""
+        if self.holds:
+            return f"{self.step}: {self.measured} (expected {self.expected})"
+        return f"{self.step}: got {self.measured}, expected {self.expected}; {self.fix}"
+
+
+def judge(step: str, measured: str, expected: str, *faults: tuple[bool | np.bool_, str]) -> Verdict:
+    """Return the verdict with the fix of the first fault that applies."""
+    return Verdict(step, measured, expected, next((fix for applies, fix in faults if applies), ""))
 
 
 class Walk:
@@ -51,15 +84,18 @@ class Walk:
         system: the controller with its drivers.
         hands: who pushes.
 
+    Attributes:
+        measured: parameters by name.
+
     Raises:
         InputError: the slip sensor gives no velocities, or the controller's parameters and its URDF do not fit.
     """
 
     def __init__(self, system: RosSystem, hands: Hands) -> None:
-        if system.params.slip_input != "twist":
-            raise InputError("slip_input", got=system.params.slip_input, expected="twist: a bring-up integrates it")
         self._system, self._hands, self._params = system, hands, system.params
         params = system.params
+        if params.slip_input != "twist":
+            raise InputError("slip_input", got=params.slip_input, expected="twist: a bring-up integrates it")
         self._robot = Robot(system.urdf, params.ee_frame, params.joint_names, params.gravity)
         self._sensor = record(new(WRENCH_SENSOR), WRENCH_SENSOR)
         fill_wrench_sensor(self._sensor, params, self._robot)
@@ -76,9 +112,7 @@ class Walk:
 
     def parameter_file(self) -> str:
         """Return what was measured, as a ROS parameter file of the controller."""
-        values = {
-            name: float(f"{value:.4g}") if isinstance(value, float) else value for name, value in self.measured.items()
-        }
+        values = {name: float(f"{value:.4g}") for name, value in self.measured.items()}
         content = {"/**/slip_vic_controller": {"ros__parameters": nested_names(values)}}
         head = "# Measured by `slip-vic bringup`: for the controller after its own file; --params of run and check.\n"
         return head + yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=120)
@@ -87,26 +121,102 @@ class Walk:
 
     def _passive(self) -> Iterator[Verdict]:
         params, system = self._params, self._system
-        yield verdicts.judge_controller(params, system.mode)
+        yield self._controller()
         system.set_active(False)
         self._hands.grip(firmly=True)
         heard = system.listen(LISTENED_S)
         inputs, hz = params.safety.inputs, 1.0 / params.control_period_s
-        slack, future = verdicts.RATE_SLACK, FUTURE_S
-        bounds = (1.0 - slack) * hz, (1.0 + slack) * hz
-        yield verdicts.judge_stream("joint_states", heard.joints, *bounds, inputs.joint.age_s, future)
-        wrench, slip = ("wrench", heard.wrench, inputs.wrench.age_s), ("slip", heard.slip, inputs.slip.age_s)
-        for name, track, age in (wrench, slip) if self._has_wrench else (slip,):
-            yield verdicts.judge_stream(name, track, 2.0 / age, math.inf, age, future)
-        found, offset = verdicts.measured_sensors(heard, params)
+        bounds = (1.0 - RATE_SLACK) * hz, (1.0 + RATE_SLACK) * hz
+        yield stream("joint_states", heard.joints, *bounds, inputs.joint.age_s)
+        if self._has_wrench:
+            yield stream("wrench", heard.wrench, 2.0 / inputs.wrench.age_s, math.inf, inputs.wrench.age_s)
+        yield stream("slip", heard.slip, 2.0 / inputs.slip.age_s, math.inf, inputs.slip.age_s)
+        yield self._rest(heard)
+        if self._has_wrench:
+            yield self._weighed(heard)
+
+    def _controller(self) -> Verdict:
+        """Judge whether the controller was started as a bring-up needs it."""
+        params, mode = self._params, self._system.mode
+        found = params.trajectory.kind, params.governor.mode, params.governor.friction, params.safety.auto_enable
+        kind, governor, friction, auto = found
+        return judge(
+            "controller",
+            f"trajectory.kind {kind}, governor.mode {governor}, governor.friction {friction}, "
+            f"safety.auto_enable {str(auto).lower()}, mode {mode.partition(':')[0] or 'inactive'}",
+            "goal, slow_down, unknown, false, and a law that is not active",
+            (
+                kind != "goal" or governor == "off" or friction != "unknown" or auto,
+                "start it with trajectory.kind:=goal, governor.mode:=slow_down, governor.friction:=unknown and "
+                "safety.auto_enable:=false",
+            ),
+            (mode.startswith(("ACTIVE", "DEGRADED", "FAULT")), "call ~/hold, or ~/reset_fault after a fault"),
+        )
+
+    def _rest(self, heard: Heard) -> Verdict:
+        """Measure the sensors at rest. A reading that never changes (a dead band) has no noise to measure."""
+        params, wrench, slip, noise = self._params, heard.wrench, heard.slip, dict[str, float]()
+        if self._has_wrench:
+            deviation = wrench.values.std(axis=0)
+            noise["wrench_sensor.noise_force"] = params.wrench.force_scale * float(deviation[:3].max())
+            noise["wrench_sensor.noise_torque"] = params.wrench.torque_scale * float(deviation[3:].max())
+        valid, offset = slip.values[np.isfinite(slip.values).all(axis=1)] * params.contacts.slip_axes[:6], math.nan
+        if len(valid):
+            offset, deviation = float(np.linalg.norm(valid.mean(axis=0)[:3])), valid.std(axis=0)
+            noise["slip_sensor.noise_linear"] = float(deviation[:3].max())
+            noise["slip_sensor.noise_angular"] = float(deviation[3:].max())
+        found = {name: value for name, value in noise.items() if value > NO_NOISE}
+        found["slip_sensor.rate_hz"] = 0.0 if slip.rate > (1.0 - RATE_SLACK) * heard.joints.rate else slip.rate
+        found["slip_sensor.latency_s"] = max(0.0, float(np.median(slip.arrival - slip.stamp)))
         self.measured |= found
         self._slip_noise = found.get("slip_sensor.noise_linear", 0.0)
-        n = len(params.joint_names)
-        speed = float(np.abs(heard.joints.values[:, n:].mean(axis=0)).max())
-        yield verdicts.judge_rest(speed, offset, params, found)
-        if self._has_wrench:
-            force, torque = self._wrench(heard)
-            yield verdicts.judge_weight(force, torque, *self._weight(heard.position), params.wrench_sensor.bias_force)
+        speed = float(np.abs(heard.joints.values[:, len(params.joint_names) :].mean(axis=0)).max())
+        force, torque = (found.get(f"wrench_sensor.noise_{name}", 0.0) for name in ("force", "torque"))
+        most = NOISE_SHARE * params.governor.friction_limit
+        felt = f"wrench noise {force:.4f} N, {torque:.5f} N m" if self._has_wrench else "no wrench sensor"
+        return judge(
+            "rest",
+            f"joints at {speed:.4f} rad/s, {felt}; slip {1e3 * offset:.2f} mm/s, "
+            f"noise {1e3 * self._slip_noise:.2f} mm/s, {1e3 * found['slip_sensor.latency_s']:.1f} ms late",
+            f"below {RESTING_SPEED} rad/s, {most:.3g} N ({NOISE_SHARE:g} of governor.friction_limit), "
+            f"{1e3 * SLIP_OFFSET:.0f} mm/s",
+            (not speed < RESTING_SPEED, "let the arm come to rest"),
+            (math.isnan(offset), "the slip sensor reports that it does not measure: see its own messages"),
+            (
+                not offset < SLIP_OFFSET,
+                "the slip sensor reads slip where there is none: calibrate it, or set measured.dead_band_linear",
+            ),
+            (not force < most, "filter the wrench in its driver, or grip harder and set governor.friction_limit"),
+        )
+
+    def _weighed(self, heard: Heard) -> Verdict:
+        """Judge the wrench at rest against the weight of the object."""
+        (force, torque), (expected_force, expected_torque) = self._wrench(heard), self._weight(heard.position)
+        weight, size = float(np.linalg.norm(expected_force)), float(np.linalg.norm(force))
+        bias = self._params.wrench_sensor.bias_force
+        slack = max(WEIGHT_SLACK * weight, 2.0 * bias)
+        lever = float(np.linalg.norm(torque - expected_torque)) / max(weight, 2.0 * bias)
+        turn, off = angle(force, expected_force), bool(np.linalg.norm(force - expected_force) > slack)
+        return judge(
+            "weight",
+            f"force {_text(force)} N, and a torque that is {1e3 * lever:.0f} mm of lever off",
+            f"{_text(expected_force)} N +- {slack:.2f}, and at most {1e3 * LEVER_SLACK:.0f} mm, by object.mass",
+            (off and np.linalg.norm(force + expected_force) < slack, "it points the other way: change wrench.sign"),
+            (
+                off and turn > TURNED and abs(size - weight) < slack,
+                f"it is turned by {math.degrees(turn):.0f} degrees: wrench.frame or wrench.rpy, or joint_names",
+            ),
+            (off and turn > ASKEW, "unload the sensor and zero it; then wrench.frame, wrench.rpy, wrench.tool_mass"),
+            (
+                off and not weight / 3.0 < size < 3.0 * weight,
+                f"it is {size:.3g} N for {weight:.3g} N: wrench.force_scale, or wrench.tool_mass",
+            ),
+            (off, f"it is {size - weight:+.2f} N off: wrench.tool_mass, object.mass, or zero the unloaded sensor"),
+            (
+                lever > LEVER_SLACK,
+                "wrench.torque_scale, wrench.position, wrench.rpy, wrench.tool_com or contacts.position",
+            ),
+        )
 
     def _weight(self, q: Array) -> tuple[Array, Array]:
         """Return force and torque of the resting object's weight on the pad; (3,) [N], [N m] {w}."""
@@ -125,24 +235,72 @@ class Walk:
     # -- a person pushes ---------------------------------------------------------------------------
 
     def _by_hand(self) -> Iterator[Verdict]:
-        names, hands, params = self._params.joint_names, self._hands, self._params
+        hands, axes = self._hands, self._params.contacts.slip_axes
         before = self._system.listen(WATCHED_S)
-        for joint in range(len(names)):
+        for joint in range(len(self._params.joint_names)):
             turned = hands.turn(joint, self._inertia(before.position))
-            yield verdicts.judge_joint(names, joint, turned.position - before.position if turned else None)
+            yield self._turned(joint, turned.position - before.position if turned else None)
             before = self._system.listen(2.0 * WATCHED_S)
         if self._has_wrench:
             rest = self._wrench(before)[0]
-            for axis, words in enumerate(AXES):
-                change = self._wrench(hands.push(words, np.eye(3)[axis]))[0] - rest
-                yield verdicts.judge_push(words, change, np.eye(3)[axis])
+            for axis, direction in zip(AXES, np.eye(3), strict=True):
+                yield self._pushed(axis, self._wrench(hands.push(axis, direction))[0] - rest, direction)
         R = self._robot.frame(before.position)[1]
-        along = (R.T @ self._weight(before.position)[0]) * params.contacts.slip_axes[:3]
-        for axis in (axis for axis in range(3) if params.contacts.slip_axes[axis]):
-            heard = hands.pull(AXES[axis], R[:, axis], float(np.linalg.norm(along)), self._slips)
-            slipped = self._slipped(joined(heard), least=self._noticed)
-            yield verdicts.judge_pull(AXES[axis], slipped, np.eye(3)[axis])
-            hands.grip(firmly=True)
+        along = (R.T @ self._weight(before.position)[0]) * axes[:3]
+        for k, axis in enumerate(AXES):
+            if axes[k]:
+                heard = hands.pull(axis, R[:, k], float(np.linalg.norm(along)), self._slips)
+                yield self._pulled(axis, self._slipped(joined(heard), least=self._noticed), np.eye(3)[k])
+                hands.grip(firmly=True)
+
+    def _turned(self, joint: int, moved: Array | None) -> Verdict:
+        """Judge which joint has moved, and which way, when one was turned by hand in its positive sense."""
+        names = self._params.joint_names
+        step, name = f"joint {names[joint]}", names[joint]
+        expected = f"{name} by more than {LEAST_TURN:+g}, the others by less than half of it"
+        if moved is None:
+            return Verdict(step, "not turned: its drive holds against the simulated hand", expected)
+        most, others = int(np.abs(moved).argmax()), np.delete(moved, joint)
+        return judge(
+            step, f"{names[most]} by {moved[most]:+.3f}", expected,
+            (abs(moved[most]) < LEAST_TURN, "it did not move enough: turn it further, or release its brake"),
+            (
+                most != joint,
+                f"the driver calls {name} what the URDF calls {names[most]}: correct the driver's joint names",
+            ),
+            (moved[joint] < 0.0, "its sign is the other one: turn the axis in the URDF, or the sign in the driver"),
+            (
+                (np.abs(others) > 0.5 * abs(moved[joint])).any(),
+                "others moved with it: turn it alone, or check whether joints are coupled in the driver",
+            ),
+        )  # fmt: skip
+
+    def _pushed(self, axis: str, change: Array, direction: Array) -> Verdict:
+        """Judge how the force of the object on the robot changed when it was pushed; (3,) [N] {w}, (3,) {w}."""
+        turn = angle(change, direction)
+        return judge(
+            f"push {axis}",
+            f"force {_text(change)} N, {math.degrees(turn):.0f} degrees off",
+            f"{_text(direction)}, at most {math.degrees(ASKEW):.0f} degrees off",
+            (
+                float(np.linalg.norm(change)) < LEAST_PUSH,
+                f"no push was measured: push harder than {LEAST_PUSH:g} N, or set wrench.force_scale",
+            ),
+            (turn > math.pi - ASKEW, "it points the other way: change wrench.sign, or turn wrench.rpy by half a turn"),
+            (turn > ASKEW, "it is turned: wrench.frame or wrench.rpy"),
+        )
+
+    def _pulled(self, axis: str, slipped: Array, direction: Array) -> Verdict:
+        """Judge what the slip sensor read when the object was pulled through the pads; (3,) [m] {ee}, (3,) {ee}."""
+        turn, far = angle(slipped, -direction), float(np.linalg.norm(slipped))
+        return judge(
+            f"pull {axis}",
+            f"{1e3 * far:.1f} mm along {_text(slipped / max(far, 1e-12))}",
+            "the pad moves on the object the other way",
+            (far == 0.0, "no slip was measured: pull further, or grip less"),
+            (turn > math.pi - ASKEW, "it reads the object relative to the pad: change the sign of all its readings"),
+            (turn > ASKEW, "its axes are not those of ee_frame: turn them in the driver"),
+        )
 
     def _inertia(self, q: Array) -> Array:
         arm = new(ARM)
@@ -166,37 +324,43 @@ class Walk:
     # -- the controller holds the arm --------------------------------------------------------------
 
     def _held(self) -> Iterator[Verdict]:
-        system, names = self._system, self._params.joint_names
+        system, stiffness = self._system, "safety.hold_stiffness"
         self._hands.ready("the controller takes the arm over and holds it, then lets its stiffness go for 5 s")
         start = system.listen(WATCHED_S).position
         system.set_active(True)
         moved, _ = self._watched(start, HELD_S)
-        if np.abs(moved).max() >= verdicts.DRIFT:
+        if np.abs(moved).max() >= DRIFT:
             system.set_active(False)  # the drives hold the arm better than we do
-        yield verdicts.judge_drift("hold", names, moved, verdicts.SAG, "with the stiffness of HOLD")
-        yield verdicts.judge_mode("mode", system.mode, "HOLD")
-        with self._loose():
+        yield self._drifted("hold", moved, SAG, "with the stiffness of HOLD")
+        yield _in_mode("mode", system.mode, "HOLD")
+        system.tune({stiffness: 0.0})
+        try:
             moved, seconds = self._watched(start + moved, LOOSE_S)
-        yield verdicts.judge_drift("gravity", names, moved, verdicts.DRIFT, f"in {seconds:.1f} s without stiffness")
+        finally:
+            system.tune({stiffness: self._params.safety.hold_stiffness})
+            system.listen(2.0 * WATCHED_S)
+        yield self._drifted("gravity", moved, DRIFT, f"in {seconds:.1f} s without stiffness")
 
     def _watched(self, start: Array, seconds: float) -> tuple[Array, float]:
         """Return how far the joints are from where they were, and after how long: at once where it is too far."""
         moved, past = np.zeros(len(start)), 0.0
-        while past < seconds and np.abs(moved).max() < verdicts.DRIFT:
+        while past < seconds and np.abs(moved).max() < DRIFT:
             moved = self._system.listen(CLOSELY_S).position - start
             past += CLOSELY_S
         return moved, past
 
-    @contextlib.contextmanager
-    def _loose(self) -> Iterator[None]:
-        """Take the stiffness out of HOLD for a while; it comes back whatever happens."""
-        name = "safety.hold_stiffness"
-        self._system.tune({name: 0.0})
-        try:
-            yield
-        finally:
-            self._system.tune({name: self._params.safety.hold_stiffness})
-            self._system.listen(2.0 * WATCHED_S)
+    def _drifted(self, step: str, moved: Array, most: float, condition: str) -> Verdict:
+        """Judge how far the joints have moved in HOLD; (n,) [rad, m]."""
+        worst = int(np.abs(moved).argmax())
+        return judge(
+            step,
+            f"{self._params.joint_names[worst]} moved by {moved[worst]:+.4f} {condition}",
+            f"at most {most:g}",
+            (
+                not np.abs(moved).max() < most,
+                "change effort.gravity; else the URDF's masses, object.mass, the wrench's bias, the order of efforts",
+            ),
+        )
 
     # -- the law moves the arm ---------------------------------------------------------------------
 
@@ -204,7 +368,7 @@ class Walk:
         system = self._system
         system.set_active(False)
         self._hands.grip(firmly=False)
-        self._hands.ready(f"the law begins, and moves the object by {1e3 * PROBE_M:.0f} mm, at most")
+        self._hands.ready(f"the law begins, and moves the object by {1e3 * MOTION_M:.0f} mm, at most")
         system.set_active(True)
         system.listen(2.0 * WATCHED_S)
         system.ask("enable")
@@ -213,40 +377,62 @@ class Walk:
                 heard = system.listen(WATCHED_S)
                 if system.mode.startswith("ACTIVE"):
                     break
-            yield verdicts.judge_mode("enabled", system.mode, "ACTIVE")
-            yield self._friction(heard.position)
-            yield self._first_motion()
+            yield _in_mode("enabled", system.mode, "ACTIVE")
+            here, R, _ = self._robot.frame(heard.position)
+            inwards = -here * (1.0, 1.0, 0.0)
+            there = here + MOTION_M * inwards / max(float(np.linalg.norm(inwards)), 1e-9)
+            yield self._first_motion(there, R)
+            yield self._friction(here, there, R)
         finally:
             with contextlib.suppress(SlipVicError):
                 system.ask("hold")
 
-    def _friction(self, q: Array) -> Verdict:
-        """Move there and back, faster each time, until it slips or the configured friction is used."""
-        here, R, _ = self._robot.frame(q)
-        way, limit = PROBE_M * self._inwards(here), self._params.governor.friction_limit
+    def _first_motion(self, there: Array, rotation: Array) -> Verdict:
+        heard = self._go(there, rotation, DURATIONS_S[0])
+        goal, mode = self._system.goal, self._system.mode
+        missed = float(np.linalg.norm(self._robot.frame(heard.position)[0] - there))
+        slipped = float(np.linalg.norm(self._slipped(heard)))
+        most = SLIPPED + SIGMAS * self._slip_noise * math.sqrt(len(heard.slip.stamp)) / heard.slip.rate
+        return judge(
+            "first motion",
+            f"{goal}, {1e3 * missed:.1f} mm from it, slip {1e3 * slipped:.2f} mm, {mode.partition(':')[0]}",
+            f"reached within {1e3 * MISSED:.0f} mm, slip below {1e3 * most:.1f} mm, ACTIVE",
+            (
+                not goal.endswith("reached") or not mode.startswith("ACTIVE"),
+                f"see controller/mode ({mode}) and controller/goal; docs/troubleshooting.md has the fix",
+            ),
+            (
+                not missed < MISSED,
+                "zero the unloaded wrench sensor; else object.mass, or gains.stiffness too low for the sensor's bias",
+            ),
+            (not slipped < most, "more grip; check governor.friction_limit and the slip sensor"),
+        )
+
+    def _friction(self, here: Array, there: Array, rotation: Array) -> Verdict:
+        """Move back and there, faster each time, until it slips or the configured friction is used."""
+        limit, system = self._params.governor.friction_limit, self._system
         carried, events, estimate = 0.0, 0, limit
-        for number, duration in enumerate(PROBES_S):
-            heard = self._go(here + way * (1 - number % 2), R, duration)
-            scalars = heard.scalars
+        for number, duration in enumerate(DURATIONS_S[1:]):
+            scalars = self._go((here, there)[number % 2], rotation, duration).scalars
             estimate, events = float(scalars["friction_limit"][-1]), int(scalars["friction_events"][-1])
-            holds = scalars["slipping"] == 0.0
-            carried = max(carried, float(scalars["load_commanded"][holds].max(initial=0.0)))
-            enough = carried > 0.9 * self._params.governor.margin * limit
-            if (number % 2 and (events or enough)) or not self._system.goal.endswith("reached"):
+            carried = max(carried, float(scalars["load_commanded"][scalars["slipping"] == 0.0].max(initial=0.0)))
+            if events or carried > 0.9 * self._params.governor.margin * limit or not system.goal.endswith("reached"):
                 break
         if events:
             self.measured["governor.friction_limit"] = estimate
-        return verdicts.judge_friction(limit, estimate, carried, events, self._system.goal, self._system.mode)
-
-    def _first_motion(self) -> Verdict:
-        here, R, _ = self._robot.frame(self._system.listen(WATCHED_S).position)
-        there, speed = here + FIRST_M * self._inwards(here), 0.1 * FULL_SPEED
-        heard = self._go(there, R, QUINTIC_PEAK * FIRST_M / speed)
-        missed = float(np.linalg.norm(self._robot.frame(heard.position)[0] - there))
-        slipped = self._slipped(heard)
-        doubt = SIGMAS * self._slip_noise * math.sqrt(len(heard.slip.stamp)) / heard.slip.rate
-        most = verdicts.SLIPPED + doubt
-        return verdicts.judge_motion(self._system.goal, self._system.mode, missed, float(np.linalg.norm(slipped)), most)
+        reached = system.goal.endswith("reached")
+        found = f"F^ {estimate:.3f} N, carried {carried:.3f} N, {events} slips"
+        return judge(
+            "friction",
+            found if reached else f"{system.goal or 'no answer to the goal'} ({system.mode})",
+            f"goals that are reached, with at least a fifth of governor.friction_limit ({limit:.3g} N)",
+            (not reached, "more grip; where the law has stopped, docs/troubleshooting.md has the fix for the reason"),
+            (
+                estimate < 0.2 * limit,
+                "more grip, or set governor.friction_limit; a sensor that reports slip where there is none does this "
+                "too",
+            ),
+        )
 
     def _go(self, position: Array, rotation: Array, duration_s: float) -> Heard:
         """Send a goal and return what was heard until it was reached or refused."""
@@ -260,18 +446,42 @@ class Walk:
         heard.append(system.listen(WATCHED_S))
         return joined(heard)
 
-    def _inwards(self, position: Array) -> Array:
-        """Return the horizontal direction from a place towards the arm's base; (3,)."""
-        flat = -position * (1.0, 1.0, 0.0)
-        return np.asarray(flat / max(float(np.linalg.norm(flat)), 1e-9))
+
+def stream(name: str, track: Track, least_hz: float, most_hz: float, oldest_s: float) -> Verdict:
+    """Judge rate, order and age of the messages of a topic at rest.
+
+    oldest_s: largest age at arrival, against the newest joint stamp.
+    """
+    rates = f"at least {least_hz:.0f}" if math.isinf(most_hz) else f"{least_hz:.0f} to {most_hz:.0f}"
+    expected = f"{rates} Hz, stamps in order, {-1e3 * FUTURE_S:.0f} to {1e3 * oldest_s:.0f} ms old"
+    if len(track.stamp) < 3:
+        missing = "start the driver, or remap its topic in the controller; compare the QoS"
+        return Verdict(name, f"{len(track.stamp)} messages", expected, missing)
+    hz, age, back = track.rate, track.arrival - track.stamp, int((np.diff(track.stamp) < 0.0).sum())
+    return judge(
+        name,
+        f"{hz:.0f} Hz, {1e3 * np.median(age):.1f} ms old (99 %: {1e3 * np.quantile(age, 0.99):.1f}), "
+        f"{back} stamps that go back",
+        expected,
+        (not track.stamp.any(), "let the driver stamp what it measures: all stamps are zero"),
+        (back > 0, "two drivers, or one that stamps late?"),
+        (not np.median(age) < oldest_s, "synchronise the clocks (chrony, ptp), or look for what delays it"),
+        (not np.median(age) > -FUTURE_S, "its clock is ahead of the joint states': synchronise them (chrony, ptp)"),
+        (not least_hz <= hz, "raise the driver's rate, or set control_period_s or safety.inputs to it"),
+        (not hz <= most_hz, "set control_period_s to the driver's rate"),
+    )
 
 
-def joined(parts: list[Heard]) -> Heard:
-    """Return what was heard one after the other as one."""
+def _in_mode(step: str, mode: str, wanted: str) -> Verdict:
+    wrong = not mode.startswith(wanted)
+    return judge(step, mode or "no mode", wanted, (wrong, "docs/troubleshooting.md has the fix for this reason"))
 
-    def together(name: str) -> Any:
-        tracks = [getattr(part, name) for part in parts]
-        return type(tracks[0])(*(np.concatenate(columns) for columns in zip(*tracks, strict=True)))
 
-    scalars = {name: np.concatenate([part.scalars[name] for part in parts]) for name in parts[0].scalars}
-    return Heard(together("joints"), together("wrench"), together("slip"), scalars)
+def angle(a: Array, b: Array) -> float:
+    """Return the angle between two vectors; (3,) -> [rad], a right angle where one is zero."""
+    lengths = float(np.linalg.norm(a) * np.linalg.norm(b))
+    return math.acos(max(-1.0, min(1.0, float(a @ b) / lengths))) if lengths > 0.0 else 0.5 * math.pi
+
+
+def _text(v: Array) -> str:
+    return "(" + ", ".join(f"{x:.2f}" for x in v) + ")"

@@ -1,0 +1,57 @@
+"""What a bring-up hears: the messages of some time, by topic."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from slip_core.arrays import Array
+
+
+class Track(NamedTuple):
+    """Samples of one topic: newest joint stamp when each arrived [s] (k,), own stamp [s] (k,), numbers (k, m)."""
+
+    arrival: Array
+    stamp: Array
+    values: Array
+
+    @property
+    def rate(self) -> float:
+        """Rate by stamps [Hz]; NaN where there are fewer than two. Gaps, in which nobody listened, do not count."""
+        steps = np.diff(np.unique(self.stamp))
+        return 1.0 / float(steps[steps < 3.0 * np.median(steps)].mean()) if len(steps) else math.nan
+
+
+class Heard(NamedTuple):
+    """The messages of some time.
+
+    joints: positions, then velocities (k, 2 n) [rad, rad/s]; wrench: as the driver gives it (k, 6) [N, N m];
+    slip: twists (k, 6) [m/s, rad/s]; scalars: by name (k,).
+    """
+
+    joints: Track
+    wrench: Track
+    slip: Track
+    scalars: Mapping[str, Array]
+
+    @property
+    def position(self) -> Array:
+        """Mean joint positions of the last tenth; (n,) [rad]."""
+        q = self.joints.values[:, : self.joints.values.shape[1] // 2]
+        return np.asarray(q[-max(1, len(q) // 10) :].mean(axis=0))
+
+
+def joined(parts: list[Heard]) -> Heard:
+    """Return what was heard one after the other as one."""
+
+    def whole(tracks: list[Track]) -> Track:
+        return Track(*map(np.concatenate, zip(*tracks, strict=True)))
+
+    scalars = {name: np.concatenate([part.scalars[name] for part in parts]) for name in parts[0].scalars}
+    return Heard(
+        whole([part.joints for part in parts]), whole([part.wrench for part in parts]),
+        whole([part.slip for part in parts]), scalars,
+    )  # fmt: skip
