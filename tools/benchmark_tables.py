@@ -1,6 +1,6 @@
 """Write picture and tables of the benchmark in docs/your_law.md, from the results in docs/benchmark.
 
-python tools/benchmark_tables.py         # writes picture, rows and tables again
+python tools/benchmark_tables.py         # writes picture and tables again
 """
 
 from __future__ import annotations
@@ -9,56 +9,39 @@ import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from slip_vic.experiments.compare import HEAD, joined, lines_of, write
-from slip_vic.experiments.suite import LawRows
+from slip_vic.experiments.rows import Row
+from slip_vic.experiments.suite import compared
+from slip_vic.experiments.tables import lines_of, write_picture
 
 ROOT = Path(__file__).parents[1]
-FOLDER = ROOT / "docs" / "benchmark"
+FOLDER, PAGE = ROOT / "docs" / "benchmark", ROOT / "docs" / "your_law.md"
 COLUMNS = (
-    "law",
-    "grip",
-    "arms",
-    "worlds",
-    "carried",
-    "lost",
-    "short",
-    "late",
-    "slip [mm]",
-    "arrives [s]",
-    "peak [N]",
-    "mean [N]",
-)
-PAGES = {ROOT / "docs" / "your_law.md": COLUMNS}
-"""Pages, and the columns that each of them shows."""
+    "law", "track", "arms", "carried", "lost", "short", "late", "slip [mm]", "arrives [s]", "peak [N]", "mean [N]",
+)  # fmt: skip
 BEGIN, END = "<!-- begin: made by tools/benchmark_tables.py -->", "<!-- end -->"
 
 
-def results() -> list[LawRows]:
-    """Return the results that the repository holds."""
-    return joined(sorted(path.parent for path in FOLDER.glob("*/result.json")))
+def results() -> list[Row]:
+    """Return the rows that the repository holds."""
+    return compared(sorted(path.parent for path in FOLDER.glob("*/rows.json")))
 
 
-def markdown(lines: Sequence[Sequence[str]], columns: Sequence[str]) -> Iterator[str]:
-    """Yield the lines of a table with some columns of `compare`."""
-    yield f"| {' | '.join(columns)} |"
-    yield "|---|---|" + "--:|" * (len(columns) - 2)
-    for line in lines:
-        cells = dict(zip(HEAD, line, strict=True))
-        yield f"| `{cells['law']}` | {' | '.join(cells[name] for name in columns[1:])} |"
+def markdown(rows: Sequence[Row]) -> Iterator[str]:
+    """Yield the lines of the table: the tracks by themselves, in each first what carries most."""
+    yield f"| {' | '.join(COLUMNS)} |"
+    yield "|---|---|" + "--:|" * (len(COLUMNS) - 2)
+    for line in sorted(lines_of(rows), key=lambda line: (line["track"], -int(line["carried"].partition("/")[0]))):
+        yield f"| `{line['law']}` | {' | '.join(line[name] for name in COLUMNS[1:])} |"
 
 
-def page(path: Path, laws: Sequence[LawRows]) -> str:
-    """Return a page with its table as the results have it."""
-    parts = []
-    for arms in (1, 2) if "arms" in PAGES[path] else (1,):
-        lines = lines_of(laws, arms)
-        parts += ["\n".join(markdown(lines, PAGES[path]))] if lines else []
-    made = "\n".join((BEGIN, "\n\n".join(parts), END))
-    return re.sub(f"{re.escape(BEGIN)}.*?{re.escape(END)}", lambda _: made, path.read_text(), flags=re.DOTALL)
+def page(rows: Sequence[Row]) -> str:
+    """Return the page with its tables as the results have them."""
+    groups = [[row for row in rows if row["arms"] == arms] for arms in ("1", "2")]
+    made = "\n".join((BEGIN, "\n\n".join("\n".join(markdown(group)) for group in groups), END))
+    return re.sub(f"{re.escape(BEGIN)}.*?{re.escape(END)}", lambda _: made, PAGE.read_text(), flags=re.DOTALL)
 
 
 if __name__ == "__main__":
     found = results()
-    write(found, FOLDER)
-    for path in PAGES:
-        path.write_text(page(path, found))
+    write_picture(FOLDER / "rows.png", [row for row in found if row["arms"] == "1"])
+    PAGE.write_text(page(found))

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from slip_vic.experiments.contents import Contents
     from slip_vic.experiments.rows import Task
     from slip_vic.experiments.run import Result
 
@@ -41,7 +40,7 @@ def wrong(folder: str, number: int) -> int:
     raise ValueError(f"task {number} of {folder}")
 
 
-def deadly_run(contents: Contents, task: Task) -> Result:
+def deadly_run(wanted: object, task: Task) -> Result:
     """Kill the worker with seed 1, else give numbers that come from the world alone."""
     from slip_vic.experiments.run import METRICS, Result  # the other tasks need nothing, and start sooner
 

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from slip_core.errors import UnknownName
 from slip_core.files.resources import add_package
 from slip_vic.presets import find_preset
 
@@ -76,8 +75,6 @@ def _law(name: str) -> None:
     base = name.partition("?")[0]
     if base in (*ALL_LAWS, "governed_follow"):
         return
-    if ":" not in base:
-        raise UnknownName("law", name, ALL_LAWS, fix="or give module:Class, or file.py:Class")
     from slip_vic.experiments.law import find_law
 
     find_law(name)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import click
 
-from slip_vic.experiments.cli import shard
+from slip_vic.experiments.cli import JOBS, SHARD
 from slip_vic.options import end_with, names
 
 
@@ -19,31 +18,26 @@ def frozen() -> None:
 @frozen.command()
 @click.option("--set", "prefix", default="", help="sets whose names begin so, e.g. one_arm_20261201; default all four")
 @click.option("--law", "laws", default="classical,vic,governed,governed_follow", show_default=True)
-@click.option("--jobs", type=click.IntRange(1), default=os.cpu_count() or 1, help="parallel processes")
-@click.option("--shard", default="1/1", callback=shard, metavar="I/N", help="every N-th world from the I-th on")
+@JOBS
+@SHARD
 @click.option(
     "-o", "--out", type=click.Path(path_type=Path), required=True, help="CSV file; one that has rows continues"
 )
-def run(*, prefix: str, laws: str, jobs: int, shard: tuple[int, int], out: Path) -> None:
+def run(*, prefix: str, laws: str, jobs: int, part: slice, out: Path) -> None:
     """Run the frozen worlds under laws of the controller."""
     from slip_core.errors import UnknownName
-    from slip_vic.experiments.contents import Contents
-    from slip_vic.experiments.rows import Asked, Plan, RowFile
     from slip_vic.experiments.run import OWN_LAWS
     from slip_vic.experiments.runner import fill
-    from slip_vic.run.versions import versions
-    from slip_vic.scenarios.scenario import NO_TEXTS
+    from slip_vic.experiments.study import tasks_of
     from test.campaigns.frozen.worlds import worlds_of
 
     for law in names(laws):
         if law not in OWN_LAWS:
             raise UnknownName("law", law, OWN_LAWS)
-    first, shards = shard
-    asked = Asked(tuple(worlds_of(prefix)[first - 1 :: shards]), names(laws))
-    contents = Contents(NO_TEXTS, versions())
-    with RowFile(out, Plan(contents.made_of, (asked,))) as file:
-        there, deaths = fill(file, "frozen", asked.tasks(), contents, "pool", jobs)
-    click.echo(f"{there} of {len(asked.tasks())} runs were there already, {deaths} workers died; {out}")
+    done = fill(out, "frozen", tasks_of(worlds_of(prefix)[part], names(laws)), "pool", jobs)
+    for line in done.died:
+        click.echo(line, err=True)
+    click.echo(f"{done.there} of {len(done.rows)} runs were there already; {out}")
 
 
 @frozen.command()

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import csv
 import importlib
+import itertools
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -20,26 +22,15 @@ from click.testing import CliRunner
 
 from slip_vic.cli import cli
 from slip_vic.experiments import runner, suite
-from slip_vic.experiments.contents import Contents
 from slip_vic.experiments.engines import Died
 from slip_vic.experiments.engines.pool import PoolEngine
-from slip_vic.experiments.rows import Asked, Plan, RowFile
-from slip_vic.scenarios.scenario import NO_TEXTS
+from slip_vic.experiments.rows import FILE
+from slip_vic.experiments.study import tasks_of
 
 SHORT = ("bridge.duration_s=0.05",)
 SUPPORT = Path(__file__).parents[2] / "support"
-
-SIX = [
-    "--scenario",
-    "paper_planar",
-    "--sensor",
-    "ideal,vision_25",
-    "--law",
-    "classical,vic",
-    "--estimator",
-    "measured,observer",
-]
-SIX += ["--seeds", "1"]
+LAWS = ("classical", "vic?slip_estimator=measured", "vic")
+SIX = ["--scenario", "paper_planar", "--sensor", "ideal,event_1000", "--law", ",".join(LAWS), "--seeds", "1"]
 
 
 @pytest.fixture
@@ -72,11 +63,11 @@ def test_one_death_leaves_the_other_workers_alone_and_the_third_gives_a_task_up(
     results = dict(pool.run(tasks.deadly, str(tmp_path), range(12)))
     lost = results.pop(3)
     assert isinstance(lost, Died)
-    assert "3 times" in lost.reason
+    assert re.search(r"3 times, at last process \d+ by SIGKILL", lost.reason)
     assert results == {number: number * number for number in range(12) if number != 3}
     assert len(list(tmp_path.glob("3.*"))) == 3
     assert len(list(tmp_path.glob("5.*"))) == 2
-    assert pool.deaths == 4
+    assert sorted(task for task, _ in pool.deaths) == [3, 3, 3, 5]
     # Four deaths, four processes more than the two of the beginning: no other was thrown away.
     assert len(workers_that_ran(tmp_path)) <= 6
 
@@ -90,7 +81,8 @@ def test_workers_killed_from_outside_lose_nothing(pool: PoolEngine, tasks: Modul
             victims.add(busy[0].pid)
             busy[0].kill()
     assert results == {number: number * number for number in range(12)}
-    assert pool.deaths == len(victims) == 3
+    assert len(pool.deaths) == len(victims) == 3
+    assert {f"process {pid} by SIGKILL" for pid in victims} == {reason for _, reason in pool.deaths}
 
 
 def test_what_a_task_raises_ends_the_run(pool: PoolEngine, tasks: ModuleType) -> None:
@@ -104,14 +96,13 @@ def test_a_run_that_kills_its_workers_is_a_row(
 ) -> None:
     """Of a study and of the benchmark: the engine counts deaths by task, so worlds are hashable."""
     monkeypatch.setattr(runner, "run_on_worker", tasks.deadly_run)
-    worlds = tuple(replace(world, seed=k, set=name) for k, world in enumerate(suite.worlds("capped", 1, 4)))
-    asked = Asked(worlds, ("vic",))
-    contents = Contents(NO_TEXTS, {})
-    with RowFile(tmp_path / "rows.csv", Plan({}, (asked,))) as file:
-        assert runner.fill(file, name, asked.tasks(), contents, "pool", 2) == (0, 3)
-        found = {row["seed"]: row for row in file.rows()}
+    worlds = [replace(world, seed=k, set=name) for k, world in enumerate(suite.worlds("capped", 1, 4))]
+    done = runner.fill(tmp_path / FILE, name, tasks_of(worlds, ("vic",)), "pool", 2)
+    found = {row["seed"]: row for row in done.rows}
     assert [found[str(seed)]["outcome"] for seed in range(4)] == ["ok", "crashed", "ok", "ok"]
     assert "its process died 3 times" in found["1"]["reason"]
+    assert len(done.died) == 3
+    assert all(f"{name} 2 vic {worlds[1].scenario}" in line and "SIGKILL" in line for line in done.died)
 
 
 CLIENT = """
@@ -145,7 +136,7 @@ def test_workers_end_with_a_client_that_is_killed(tmp_path: Path) -> None:
 
 
 def table_of(folder: Path) -> str:
-    return (folder / "study.csv").read_text()
+    return (folder / FILE).read_text()
 
 
 def test_rows_are_the_same_whatever_kills_orders_or_parts_a_study(tmp_path: Path) -> None:
@@ -161,16 +152,12 @@ def test_rows_are_the_same_whatever_kills_orders_or_parts_a_study(tmp_path: Path
     study("other", "--jobs", "2", "--shard", "2/2")
     whole = ["merge", str(tmp_path / "one"), str(tmp_path / "other"), "--out", str(tmp_path / "whole")]
     merged = CliRunner().invoke(cli, whole, catch_exceptions=False)
-    assert "6 rows, 0 of 6 runs are missing" in merged.output
+    assert "6 rows" in merged.output
     assert table_of(tmp_path / "whole") == table_of(tmp_path / "two")
-    with (tmp_path / "two/study.csv").open(newline="") as file:
+    with (tmp_path / "two" / FILE).open(newline="") as file:
         rows = list(csv.DictReader(file))
-    assert {(row["sensor"], row["law"]) for row in rows} == {
-        (sensor, law)
-        for sensor in ("ideal", "vision_25")
-        for law in ("classical", "vic?slip_estimator=measured", "vic")
-    }
-    assert (tmp_path / "two/study.png").stat().st_size > 10_000
+    assert {(row["sensor"], row["law"]) for row in rows} == set(itertools.product(("ideal", "event_1000"), LAWS))
+    assert (tmp_path / "two/rows.png").stat().st_size > 10_000
     assert "6 of 6 runs were there already" in study("two")
 
 
@@ -179,13 +166,13 @@ def test_a_study_whose_client_is_killed_goes_on(tmp_path: Path) -> None:
     asked = [*SIX, "--set", "bridge.duration_s=0.3"]
     killed, whole = tmp_path / "killed", tmp_path / "whole"
     client = subprocess.Popen([*command, *asked, "--jobs", "1", "--out", killed], stderr=subprocess.DEVNULL)
-    while not (killed / "study.csv").exists() or len(table_of(killed).splitlines()) < 3:
+    while not (killed / FILE).exists() or len(table_of(killed).splitlines()) < 3:
         assert client.poll() is None, "it ended before it could be killed"
         time.sleep(0.01)
     os.kill(client.pid, signal.SIGKILL)
     client.wait()
     there = len(table_of(killed).splitlines()) - 1
-    again = CliRunner().invoke(cli, ["study", "--resume", "--jobs", "2", "--out", str(killed)], catch_exceptions=False)
+    again = CliRunner().invoke(cli, ["study", *asked, "--jobs", "2", "--out", str(killed)], catch_exceptions=False)
     assert again.exit_code == 0, again.output
     assert f"{there} of 6 runs were there already" in again.output
     CliRunner().invoke(cli, ["study", *asked, "--jobs", "2", "--out", str(whole)], catch_exceptions=False)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
+import pytest
 from click.testing import CliRunner
 
 from slip_vic.cli import cli
-from slip_vic.experiments.check import path_load
 from slip_vic.options import Choice
 from slip_vic.scenarios.scenario import load_scenario
 
@@ -18,39 +17,12 @@ def check(*words: str) -> tuple[int, str]:
     return done.exit_code, " ".join(done.output.split())
 
 
-def test_what_a_path_takes_of_the_friction_and_where() -> None:
-    """A quintic's largest acceleration is 5.7735 d / T^2, at 0.2113 T; at rest in a level plane nothing is asked."""
-    scenario = load_scenario(
-        "paper_planar", law="governed", assignments=("controller.trajectory.rotation=[0.0, 0.0, 0.0]",)
-    )
-    found, params = path_load(scenario), scenario.controller
-    peak = 10.0 / math.sqrt(3.0) * math.hypot(*params.trajectory.displacement) / params.trajectory.duration_s**2
-    lever = math.hypot(1.0, params.contacts.position[0] / params.governor.torsional_radius)
-    force = params.object.mass * peak
-    assert force < found.moving.load < 1.01 * force * lever
-    early, late = (share * params.trajectory.duration_s for share in (0.2113, 0.7887))
-    assert min(abs(found.moving.time_s - early), abs(found.moving.time_s - late)) < 0.02
-    assert found.resting.load < 1e-3 * found.limit
-    assert found.limit == params.governor.friction_limit
-
-
-def test_the_weight_is_heaviest_at_the_goal_of_vertical_plane() -> None:
-    scenario = load_scenario("vertical_plane", law="governed")
-    found, path = path_load(scenario), scenario.controller.trajectory
-    assert 0.95 < found.resting.load / found.limit < 0.97
-    assert abs(found.resting.time_s - path.duration_s) < 1e-9
-    start = path_load(load_scenario("vertical_plane", assignments=("controller.trajectory.kind=hold",)))
-    moved = [b - a for a, b in zip(start.resting.position, found.resting.position, strict=True)]
-    assert max(abs(a - b) for a, b in zip(moved, path.displacement, strict=True)) < 1e-3
-
-
 def test_an_infeasible_path_is_refused_with_its_place() -> None:
     less = ("--mismatch", "none", "--set", "bridge.duration_s=1.0")
     code, words = check("--scenario", "vertical_plane", "--set", "controller.governor.margin=0.95", *less)
     assert code == 2
     assert "refused: UNREACHABLE" in words
     assert "where the path is at 0.800 s" in words
-    assert "the pad is at x 0.350, y 0.150, z 0.470 m there" in words
 
 
 def test_it_says_holds_only_of_what_it_has_run() -> None:
@@ -58,15 +30,9 @@ def test_it_says_holds_only_of_what_it_has_run() -> None:
     assert code == 1
     assert "holds in 1 of 2 simulated worlds" in words
     assert "friction-: " in words
-    assert "slip [mm]" in words, "rich takes what stands in brackets for its own"
     code, words = check("--mismatch", "friction-", "--set", "bridge.duration_s=2.5")
     assert code == 0, words
     assert "holds in 2 of 2 simulated worlds" in words
-
-
-def test_an_object_that_is_held_beside_its_goal_does_not_simply_hold() -> None:
-    _, words = check("--mismatch", "wrench_bias+", "--set", "bridge.duration_s=2.5")
-    assert "holds, but ends" in words
 
 
 def test_the_sensor_and_the_estimator_are_those_that_run() -> None:
@@ -76,24 +42,23 @@ def test_the_sensor_and_the_estimator_are_those_that_run() -> None:
     assert loaded.controller.governor.mode == "slow_down"
 
 
-def test_two_contacts_are_refused_in_one_line() -> None:
+@pytest.mark.parametrize("command", ["check", "run"])
+def test_two_contacts_are_refused_in_one_line(command: str) -> None:
     two = [
         "contacts.position=[0.02, 0.0, 0.0, -0.02, 0.0, 0.0]",
         "contacts.orientation_xyzw=[0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]",
         f"contacts.slip_axes={[True, True, False, False, False, True] * 2}",
     ]
-    words = [word for assignment in two for word in ("--set", assignment)]
-    for command in ("check", "run"):
-        done = CliRunner().invoke(cli, [command, *words])
-        assert "got 2 contacts, expected one for each arm, 1" in str(done.exception), command
+    done = CliRunner().invoke(cli, [command, *(word for assignment in two for word in ("--set", assignment))])
+    assert "got 2 contacts, expected one for each arm, 1" in str(done.exception)
 
 
-def test_a_mismatch_that_nobody_knows_is_a_mistake() -> None:
+def test_an_unknown_mismatch_is_a_mistake() -> None:
     done = CliRunner().invoke(cli, ["check", "--mismatch", "friktion-"])
     assert "friktion-" in str(done.exception)
 
 
-def test_check_gives_the_bound_and_the_exit_code() -> None:
+def test_the_bound_on_k_s_and_the_exit_code() -> None:
     fixed = ["--set", "controller.gains.k_s_mode=fixed"]
     arguments = ["check", "--sensor", "optical_flow_120", "--estimator", "measured"]
     refused = CliRunner().invoke(cli, [*arguments, *fixed])
@@ -107,7 +72,7 @@ def test_check_gives_the_bound_and_the_exit_code() -> None:
     assert "54.8861" in with_file.output
 
 
-def test_check_says_which_joint_comes_near_the_end_of_its_range() -> None:
+def test_which_joint_comes_near_the_end_of_its_range() -> None:
     """Limit avoidance pushes the pad off its path there, which no governor sees: seen with this very path."""
     eight = [f"controller.trajectory.{text}" for text in ("kind=lemniscate", "radius=0.06", "duration_s=8.0")]
     assert load_scenario("paper_planar").check_arm() == []

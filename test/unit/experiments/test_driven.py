@@ -67,7 +67,6 @@ def test_a_law_sees_nothing_of_the_simulated_world() -> None:
     assert own.setup.mass == 0.5
     assert own.setup.friction_limit == 0.25
     assert not seen[-1].wrench.any()
-    assert seen[-1].truth is None
     assert seen[-1].slips == seen[-1].wrenches == ()
     start, end = own.setup.reference(0.0), own.setup.reference(10.0)
     np.testing.assert_allclose(end.position - start.position, [0.4, 0.3, 0.0], atol=1e-12)
@@ -191,7 +190,7 @@ def raises(_: Any) -> None:
         (lambda _: slip_vic.Effort("much"), "Effort.effort is 'much'; expected 7 numbers"),
         (lambda _: slip_vic.Effort(np.zeros(7), grip=-1.0), "grip is -1 N; expected 0 or more"),
         (lambda _: np.zeros(7), "step returns ndarray; expected Pad, Effort, Velocity or None"),
-        (lambda _: time.sleep(60.0), "step takes longer than 0.05 s"),
+        (lambda _: time.sleep(0.1), "step takes longer than 0.05 s"),
     ],
 )
 def test_what_a_law_does_wrong_ends_its_run_with_one_line(step: Any, message: str) -> None:
@@ -211,7 +210,7 @@ def test_laws_are_found_by_file_and_by_module(tmp_path: Path) -> None:
         "class Mine:\n    needs = frozenset()\n    def reset(self, setup): ...\n    def step(self, s): ...\n"
     )
     found = find_law(f"{file}:Mine")
-    assert (found.label, found.several, found.oracle) == ("Mine", False, False)
+    assert (found.label, found.several) == ("Mine", False)
     assert find_law("slip_vic.experiments.ours:Vic").kind is find_law("vic").kind
 
 

@@ -15,7 +15,7 @@ from test.campaigns.frozen.worlds import base_rows, worlds_of
 def row(number: int, law: str = "governed", outcome: str = "ok", *, off: float = 0.0, slip: float = 0.0,
         arrival: float = 2.0, drive: str = "ideal", name: str = "one_arm_1") -> Row:  # fmt: skip
     cells = {"set": name, "world": number, "law": law, "drive": drive, "outcome": outcome, "off_goal_m": off,
-             "slip_path_m": slip, "arrival_s": arrival}  # fmt: skip
+             "final_error_m": off, "slip_path_m": slip, "arrival_s": arrival}  # fmt: skip
     return {key: str(value) for key, value in cells.items()}
 
 

@@ -2,32 +2,18 @@
 
 from __future__ import annotations
 
-import io
 import os
-import pickle
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from rich.console import Console
 
 from slip_core.errors import InputError
-from slip_description import urdf_text
 from slip_vic.cli import main
-from slip_vic.experiments.contents import MixedVersions, check_versions, gather
-from slip_vic.experiments.rows import Asked, Plan, RowFile, Task, digest_of, key_of, merged
+from slip_vic.experiments.rows import FILE, RowFile, Task, digest_of, joined, key_of, read_json
 from slip_vic.experiments.run import METRICS, TIMED, Result, failed
 from slip_vic.experiments.world import World
-from slip_vic.presets import preset_text
-from slip_vic.run.progress import progress
-from slip_vic.run.versions import versions
-from slip_vic.scenarios import scenario_text
 
-PLAN = Plan({"numpy": "2.0"}, ())
-WORLDS = tuple(
-    World("paper_planar", sensor, seed, number=seed) for sensor in ("ideal", "vision_25") for seed in range(5)
-)
-ASKED = Asked(WORLDS, ("classical", "vic"))
+MADE_OF = {"numpy": "2.0"}
 
 
 def result(seed: int = 0, value: float = 1.0, law: str = "vic") -> Result:
@@ -35,25 +21,23 @@ def result(seed: int = 0, value: float = 1.0, law: str = "vic") -> Result:
 
 
 def test_a_file_continues_where_it_stopped(tmp_path: Path) -> None:
-    path = tmp_path / "study.csv"
-    with RowFile(path, PLAN) as file:
-        file.append(result(1))
+    path = tmp_path / FILE
+    with RowFile(path, MADE_OF) as file:
+        file.append(result(10))
         file.append(failed(result(2).world, "vic", "crashed", "it was\nthe weather"))
     with path.open("a", encoding="utf-8") as cut:
         cut.write("study,3,vic,paper_pl")  # cut off by a full disk or a kill
-    with RowFile(path, PLAN) as again:
-        assert again.done() == {Task(*result(1)[:2]).key}
-        again.append(result(0))
-        assert [row["seed"] for row in again.rows()] == ["1", "0"]
-        again.sort()
-        again.append(result(10))
+    with RowFile(path, MADE_OF) as again:
+        assert again.done() == {Task(*result(10)[:2]).key}
         again.append(result(2))
-        again.sort()
-        assert [row["seed"] for row in again.rows()] == ["0", "1", "2", "10"]
+        again.append(result(0))
+        assert [row["seed"] for row in again.rows()] == ["10", "2", "0"]
+    assert [row["seed"] for row in again.rows()] == ["0", "2", "10"]
+    assert read_json(path) == (MADE_OF, digest_of(again.rows()))
 
 
 def test_a_row_keeps_every_bit(tmp_path: Path) -> None:
-    with RowFile(tmp_path / "study.csv", PLAN) as file:
+    with RowFile(tmp_path / FILE, MADE_OF) as file:
         file.append(result(0, 0.1 + 0.2))
         (row,) = file.rows()
     assert {float(row[name]) for name in METRICS} == {0.1 + 0.2}
@@ -61,135 +45,85 @@ def test_a_row_keeps_every_bit(tmp_path: Path) -> None:
 
 
 def test_a_file_keeps_to_what_it_is_made_of(tmp_path: Path) -> None:
-    path = tmp_path / "study.csv"
-    with RowFile(path, PLAN):
+    path = tmp_path / FILE
+    with RowFile(path, MADE_OF):
         pass
     with pytest.raises(InputError, match=r"rows made with numpy 2\.0, expected numpy 2\.1"):
-        RowFile(path, Plan({"numpy": "2.1"}, ()))
-    with RowFile(path, Plan({"sensor ideal": "d3"}, ())) as file:
-        assert file.plan.made_of == {"numpy": "2.0", "sensor ideal": "d3"}
-    path.with_suffix(".json").write_text('{"assignments": []}')  # as versions before wrote it
-    with pytest.raises(InputError, match="another place"):
-        RowFile(path, PLAN)
+        RowFile(path, {"numpy": "2.1"})
+    with RowFile(path, {"sensor ideal": "d3"}) as file:
+        assert file.made_of == {"numpy": "2.0", "sensor ideal": "d3"}
+    path.with_suffix(".json").write_text('{"assignments": []}')
+    with pytest.raises(InputError, match="another folder"):
+        RowFile(path, MADE_OF)
 
 
-def test_a_place_that_cannot_be_written_is_one_line() -> None:
+def test_a_place_that_cannot_be_written() -> None:
     with pytest.raises(InputError, match="--out /proc/study"):
-        RowFile(Path("/proc/study/study.csv"), PLAN)
+        RowFile(Path("/proc/study") / FILE, MADE_OF)
 
 
-def test_a_file_is_for_one_process_at_a_time(tmp_path: Path) -> None:
-    path = tmp_path / "study.csv"
-    with RowFile(path, PLAN), pytest.raises(InputError, match=f"in use by process {os.getpid()}"):
-        RowFile(path, PLAN)
-    with RowFile(path, PLAN):
+def test_a_folder_is_for_one_process_at_a_time(tmp_path: Path) -> None:
+    path = tmp_path / FILE
+    with RowFile(path, MADE_OF), pytest.raises(InputError, match=f"in use by process {os.getpid()}"):
+        RowFile(path, MADE_OF)
+    with RowFile(path, MADE_OF):
         pass
 
 
-def test_what_was_asked_comes_back(tmp_path: Path) -> None:
-    path = tmp_path / "study.csv"
-    with RowFile(path, replace(PLAN, asked=(ASKED,))):
-        pass
-    assert Plan.read(path.with_suffix(".json")) == replace(PLAN, asked=(ASKED,))
-    more = Asked(WORLDS[:1], ("governed",))
-    with RowFile(path, replace(PLAN, asked=(ASKED, more))) as file:
-        assert file.plan.asked == (ASKED, more)
-        assert len(file.plan.tasks()) == 21
+def filled(folder: Path, seeds: range, value: float = 1.0, made: dict[str, str] = MADE_OF) -> Path:
+    with RowFile(folder / FILE, made) as file:
+        for seed in reversed(seeds):
+            file.append(result(seed, value))
+    return folder
 
 
-def filled(path: Path, worlds: tuple[World, ...]) -> RowFile:
-    with RowFile(path, replace(PLAN, asked=(Asked(worlds, ASKED.laws),))) as file:
-        for world in reversed(worlds):
-            for law in ASKED.laws:
-                file.append(Result(world, law, "ok", "", dict.fromkeys(METRICS, world.seed / 7.0)))
-        file.sort()
-    return file
+def test_shards_join_to_the_whole(tmp_path: Path) -> None:
+    parts = [filled(tmp_path / str(k), range(k, 10, 3)) for k in range(3)]
+    rows, made = joined(parts)
+    assert made == MADE_OF
+    with RowFile(tmp_path / "joined" / FILE, made) as file:
+        file.put(rows)
+    whole = filled(tmp_path / "whole", range(10)) / FILE
+    assert file.path.read_text() == whole.read_text()
+    assert file.path.with_suffix(".json").read_text() == whole.with_suffix(".json").read_text()
 
 
-def test_shards_merge_to_the_whole(tmp_path: Path) -> None:
-    parts = [filled(tmp_path / f"{k}.csv", WORLDS[k::3]).path for k in range(3)]
-    whole = filled(tmp_path / "whole.csv", WORLDS)
-    with merged(parts, tmp_path / "merged.csv") as file:
-        assert file.path.read_text() == whole.path.read_text()
-        assert len(file.rows()) == len(file.plan.tasks()) == 20
-
-
-def test_merge_refuses_what_does_not_fit(tmp_path: Path) -> None:
-    for name, version, value in (("a", "2.0", 1.0), ("b", "2.1", 1.0), ("c", "2.0", 2.0)):
-        with RowFile(tmp_path / f"{name}.csv", Plan({"numpy": version}, ())) as file:
-            file.append(result(0, value))
-    with pytest.raises(InputError, match=r"b\.csv: got rows made with numpy 2\.1, expected numpy 2\.0"):
-        merged([tmp_path / "a.csv", tmp_path / "b.csv"], tmp_path / "out.csv")
+def test_what_does_not_fit_is_not_joined(tmp_path: Path) -> None:
+    one = filled(tmp_path / "a", range(1))
+    other, newer = filled(tmp_path / "b", range(1), 2.0), filled(tmp_path / "c", range(1), made={"numpy": "2.1"})
     with pytest.raises(InputError, match="another result of study 0 vic paper_planar"):
-        merged([tmp_path / "a.csv", tmp_path / "c.csv"], tmp_path / "out.csv")
-    with pytest.raises(InputError, match=r"nothing\.json"):
-        merged([tmp_path / "nothing.csv"], tmp_path / "out.csv")
+        joined([one, other])
+    with pytest.raises(InputError, match=r"c: got rows made with numpy 2\.1, expected numpy 2\.0"):
+        joined([one, newer])
+    assert len(joined([one, newer], versions=["numpy"])[0]) == 1
+    with pytest.raises(InputError, match="nothing"):
+        joined([tmp_path / "nothing"])
 
 
 def test_the_digest_of_rows_leaves_times_out(tmp_path: Path) -> None:
-    with RowFile(tmp_path / "study.csv", PLAN) as file:
-        file.append(result())
-        (row,) = file.rows()
+    (row,) = joined([filled(tmp_path, range(1))])[0]
     assert digest_of([row]) == digest_of([row | dict.fromkeys(TIMED, "0.5")])
     assert digest_of([row]) != digest_of([row | {"slip_linear_m": "0.5"}])
 
 
-def test_a_world_runs_from_texts_alone(tmp_path: Path) -> None:
-    """Files of one's own, gone before the world is loaded."""
-    files = tmp_path / "task.yaml", tmp_path / "mine.yaml", tmp_path / "arm.urdf"
-    for file, text in zip(
-        files, (scenario_text("paper_planar"), preset_text("sensors", "event_1000"), urdf_text()), strict=True
-    ):
-        file.write_text(text)
-    arm = (f"bridge.robot_description_file={files[2]}",)
-    own = World(str(files[0]), str(files[1]), 3, arm)
-    contents = gather([own.scenario], [own.sensor], arm)
-    before = own.load("vic", "observer")
-    for file in files:
-        file.unlink()
-    assert own.load("vic", "observer", (), contents.texts) == before
-    assert {f"scenario {files[0]}", f"sensor {files[1]}", f"arm {files[2]}"} < set(contents.made_of)
-
-
-def test_a_worker_with_other_versions_is_named() -> None:
-    check_versions(versions())
-    with pytest.raises(MixedVersions, match=r"mujoco .* expected 0\.1"):
-        check_versions({**versions(), "mujoco": "0.1"})
-    error = pickle.loads(pickle.dumps(MixedVersions("worker on a: got b")))  # as it comes back from a worker
-    assert str(error) == "worker on a: got b"
-
-
-def test_progress_without_a_terminal_is_lines() -> None:
-    now = [0.0]
-    written = io.StringIO()
-    with progress("study", 100, 40, Console(file=written, get_time=lambda: now[0])) as report:
-        for done in range(41, 101):
-            now[0] += 0.5
-            report(done, "1 workers died" if done > 90 else "")
-    assert written.getvalue().splitlines() == [
-        "study: 60 of 100 done, 2 per second, about 20 s left",
-        "study: 80 of 100 done, 2 per second, about 10 s left",
-        "study: 100 of 100 done, 1 workers died",
-    ]
-
-
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
-        (["study", "--resume", "--out", "nothing"], "nothing/study.json"),
         (["study", "--shard", "4/3"], "4/3 is not i/n"),
-        (["study", "--estimator", "guess"], "unknown estimator 'guess'"),
         (["study", "--sensor", "vision_26"], "vision_25"),
+        (["study", "--mismatch", "mass"], "mass+"),
+        (["study", "--lottery", "1", "--sensor", "ideal"], "takes no --sensor"),
         (["merge", "nowhere", "--out", "all"], "nowhere"),
+        (["tune", "--mismatch", "mass"], "mass+"),
     ],
 )
 def test_a_mistake_is_one_line_and_leaves_nothing(
-    words: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    words: list[str], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("sys.argv", ["slip-vic", *words])
     assert main() == 2
     error = capsys.readouterr().err
-    assert said in error
+    assert message in error
     assert len(error.splitlines()) == 1
     assert list(tmp_path.iterdir()) == []

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from slip_core.errors import InputError
-from slip_vic.experiments.run import METRICS, TIMED, check_law, own_law, run
+from slip_vic.experiments.run import METRICS, TIMED, OwnLaw, own_law, run
 from slip_vic.experiments.world import MISMATCHES, World, combined
 
 SHORT = ("bridge.duration_s=0.05",)
@@ -68,13 +68,11 @@ def test_what_goes_wrong_is_a_row(law: str, settings: tuple[str, ...], outcome: 
 
 
 def test_laws_of_the_controller_by_name() -> None:
-    assert own_law("vic?gains.k_s=9.0", 1) is not None
-    assert own_law("vic?gains.k_s=9.0", 1).more == ("controller.gains.k_s=9.0",)  # type: ignore[union-attr]
-    assert own_law("printed", 1).law == "vic"  # type: ignore[union-attr]
-    assert own_law("printed", 2).law == "printed"  # type: ignore[union-attr]
-    assert own_law("fixed_grip", 1) is None
-    with pytest.raises(InputError, match="governd"):
-        check_law("governd")
+    found = own_law("vic?gains.k_s=9.0")
+    assert found is not None
+    assert (found.law, found.estimator, found.more) == ("vic", "observer", ("controller.gains.k_s=9.0",))
+    assert own_law("printed") == OwnLaw("printed", None)
+    assert own_law("fixed_grip") is None
 
 
 def test_a_foreign_law_runs_in_the_same_worlds(tmp_path: Path) -> None:

@@ -1,34 +1,31 @@
-"""Tables and picture of a study: they fit into 80 columns, and count what rows say."""
+"""Tables and picture of rows: they fit into 80 columns, and count what rows say."""
 
 from __future__ import annotations
 
 import io
+import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pytest
 from rich.console import Console
 
 from slip_vic.experiments.rows import COLUMNS, Row
 from slip_vic.experiments.run import METRICS
-from slip_vic.experiments.tables import spread, summary_tables, write_picture
+from slip_vic.experiments.tables import lines_of, median, tables_of, write_picture
 
 
 def row(sensor: str, law: str, outcome: str = "ok", slip_mm: float = 0.0, **more: Any) -> Row:
-    cells = {
-        "set": "study",
-        "world": "0",
-        "scenario": "glass_transport",
-        "mismatch": "none",
-        "sensor": sensor,
-        "law": law,
-    }
-    numbers = dict.fromkeys(METRICS, "0.0001") | {"slip_linear_m": str(1e-3 * slip_mm)}
+    cells = {"set": "study", "world": "0", "scenario": "glass_transport", "mismatch": "none", "arms": "1",
+             "sensor": sensor, "law": law}  # fmt: skip
+    numbers = dict.fromkeys(METRICS, "0.0001") | {"slip_path_m": str(1e-3 * slip_mm)}
     return dict.fromkeys(COLUMNS, "") | numbers | cells | {"outcome": outcome} | more
 
 
 def shown(rows: list[Row], width: int = 80) -> list[list[str]]:
     with io.StringIO() as file:
-        Console(file=file, width=width).print(*summary_tables(rows), sep="\n")
+        Console(file=file, width=width).print(*tables_of(rows), sep="\n")
         return [line.split() for line in file.getvalue().splitlines()]
 
 
@@ -40,31 +37,41 @@ def test_tables_fit_into_80_columns_with_the_longest_names() -> None:
         row("optical_flow_120", "governed", "fault", 123.4),
     ])  # fmt: skip
     assert not any("…" in word for line in lines for word in line)
-    assert ["force_tactile_500", "classical", "1/1", "0"] in [line[:4] for line in lines]
-    assert ["optical_flow_120", "governed", "1/2", "1", "62.20", "/", "123"] in [line[:7] for line in lines]
+    assert ["force_tactile_500", "classical", "1/1", "0", "5.26"] in [line[:5] for line in lines]
+    assert ["optical_flow_120", "governed", "1/2", "1", "inf"] in [line[:5] for line in lines]
 
 
 def test_drawn_worlds_compare_laws_with_classical_control() -> None:
-    worlds = ((("ok", 40.0), ("ok", 2.0)), (("ok", 1.0), ("fault", 0.0)), (("lost", 99.0), ("ok", 20.0)))
+    worlds = ("ok", "ok"), ("ok", "fault"), ("lost", "lost")
     rows = [
-        row("ideal", law, outcome, slip, set="drawn 3", world=str(k), digest=str(k), scenario=f"s{k}")
+        row("ideal", law, outcome, set="drawn 3", world=str(k), digest=str(k), scenario=f"s{k}")
         for k, pair in enumerate(worlds)
-        for law, (outcome, slip) in zip(("classical", "vic"), pair, strict=True)
+        for law, outcome in zip(("classical", "vic"), pair, strict=True)
     ]
-    lines = shown(rows, 120)
-    (line,) = (line for line in lines if line[:1] == ["vic"])
-    assert line[1:3] == ["2/3", "1"]
-    assert line[-1] == "1/3", "lost where classical control keeps it"
+    lines = {line["law"]: line for line in lines_of(rows)}
+    assert [lines["vic"][name] for name in ("carried", "lost", "lost alone")] == ["1/3", "2", "1/3"]
+    assert lines["classical"]["lost alone"] == "0/3"
 
 
-def test_spread_is_median_interval_and_worst() -> None:
-    s = spread(range(101))
-    assert s.median == 50.0
-    assert s.low < 50.0 < s.high
-    assert s.high < 60.0
-    assert s.worst == 100.0
+def test_no_law_looks_better_by_what_it_does_not_carry() -> None:
+    """Four worlds in which the pad slides by 1 mm each: arrived, late, left short, never left; then one lost."""
+    cases = [("ok", 1.0, 0.0), ("ok", math.nan, 0.01), ("ok", math.nan, 0.03), ("stays", math.nan, 0.0)]
+    cases.append(("fault", math.nan, 0.0))
+    rows = [
+        row("", "law", outcome, 1.0, set="carry", world=str(k), arrival_s=repr(arrival), off_goal_m=repr(error))
+        for k, (outcome, arrival, error) in enumerate(cases)
+    ]
+    (line,) = lines_of(rows)
+    assert [line[name] for name in ("carried", "lost", "short", "late")] == ["2/5", "1", "2", "1"]
+    assert (line["slip [mm]"], line["arrives [s]"], line["peak [N]"]) == ("inf", "inf", "0.0001")
+    assert next(lines_of(rows[:3]))["slip [mm]"] == "1"
+
+
+@pytest.mark.parametrize(("values", "found"), [([1.0, 2.0, 3.0], 2.0), ([1.0, math.inf], math.inf), ([4.0], 4.0)])
+def test_the_median_is_one_of_the_values(values: list[float], found: float) -> None:
+    assert median(np.array(values)) == found
 
 
 def test_picture_of_missing_numbers(tmp_path: Path) -> None:
-    write_picture(tmp_path / "study.png", [row("ideal", "vic", "crashed", **dict.fromkeys(METRICS, "nan"))])
-    assert (tmp_path / "study.png").exists()
+    write_picture(tmp_path / "rows.png", [row("ideal", "vic", "crashed", **dict.fromkeys(METRICS, "nan"))])
+    assert (tmp_path / "rows.png").stat().st_size > 1000

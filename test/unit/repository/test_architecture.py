@@ -52,7 +52,7 @@ ALLOWED = {
     "slip_vic": ROOMS | NUMERIC | TOOLS | ROS,
     "slip_vic.page": ROOMS | NUMERIC | {"click", "pandas", "scipy", "trimesh", "websockets"} | ROS,
     "slip_vic.retime": ROOMS | NUMERIC | {"click", "matplotlib", "mcap_ros2", "pandas", "scipy"},
-    "slip_vic.experiments.tune.search": ROOMS | NUMERIC | {"optuna"},
+    "slip_vic.experiments.tune": ROOMS | NUMERIC | {"optuna"},
 }
 SHARED = {"slip_vic_controller.sizes", "slip_vic_controller.params.controller_params"}
 CYCLE = {

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import os
 import re
-import shlex
-import sys
-from collections.abc import Iterator
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 from click.core import ParameterSource
 
-from slip_core.errors import UnknownName, require_extra
+from slip_core.errors import require_extra
 from slip_vic.options import (
     ALLOW_FAULT,
     ASSIGNMENTS,
@@ -25,6 +23,7 @@ from slip_vic.options import (
     SENSORS,
     URDF,
     Choice,
+    Decorator,
     choosing,
     end_with,
     names,
@@ -33,149 +32,142 @@ from slip_vic.options import (
 
 if TYPE_CHECKING:
     from slip_vic.experiments.engines import EngineName
+    from slip_vic.experiments.runner import Done
     from slip_vic.experiments.world import Track
-    from slip_vic.scenarios.scenario import Estimator, Law
+    from slip_vic.scenarios.scenario import Law
 
 
-ESTIMATORS = ("measured", "observer")
-
-
-def shard(context: click.Context, parameter: click.Parameter, text: str) -> tuple[int, int]:
-    """Read I/N."""
+def shard(context: click.Context, parameter: click.Parameter, text: str) -> slice:
+    """Read I/N as the places of every N-th thing from the I-th on."""
     found = re.fullmatch(r"(\d+)/(\d+)", text)
     if found is None or not 1 <= int(found[1]) <= int(found[2]):
         raise click.BadParameter(f"{text} is not i/n with i from 1 to n")
-    return int(found[1]), int(found[2])
+    return slice(int(found[1]) - 1, None, int(found[2]))
 
 
-def workers(command: click.decorators.FC) -> click.decorators.FC:
-    """Add the options that say on which workers a command runs its cases."""
-    jobs = click.option(
-        "--jobs", type=click.IntRange(1), default=os.cpu_count() or 1, help="parallel processes; default one per core"
-    )
-    engine = click.option(
-        "--engine", type=click.Choice(["pool", "ray"]), default="pool", show_default=True,
-        help="pool: processes of this machine; ray: the cluster at RAY_ADDRESS, else one on this machine",
+JOBS = click.option(
+    "--jobs", type=click.IntRange(1), default=os.cpu_count() or 1, help="parallel processes; default one per core"
+)
+ENGINE = click.option(
+    "--engine", type=click.Choice(["pool", "ray"]), default="pool", show_default=True,
+    help="pool: processes of this machine; ray: the cluster at RAY_ADDRESS, else one on this machine",
+)  # fmt: skip
+SHARD = click.option(
+    "--shard", "part", default="1/1", callback=shard, metavar="I/N", help="every N-th world from the I-th on"
+)
+
+
+def _mismatches(context: click.Context, parameter: click.Parameter, text: str) -> tuple[str, ...]:
+    from slip_vic.experiments.world import MISMATCHES, check_mismatches
+
+    wanted = MISMATCHES if text == "all" else names(text)
+    check_mismatches(wanted)
+    return wanted
+
+
+def mismatches_option(default: str) -> Decorator:
+    """Return the option ``--mismatch``."""
+    return click.option(
+        "--mismatch", "mismatches", default=default, show_default=True, callback=_mismatches,
+        help="errors of the configuration: names, comma separated, or all",
     )  # fmt: skip
-    return engine(jobs(command))
 
 
 @click.command()
 @SCENARIOS
 @SENSORS
 @LAWS_OPTION
-@click.option("--estimator", "estimators", default="observer", show_default=True, help="measured, observer, or both")
-@click.option("--mismatch", "mismatches", default="none", show_default=True, help="names, comma separated, or all")
+@mismatches_option("none")
 @click.option("--seeds", type=click.IntRange(1), default=5, show_default=True, help="how many seeds")
 @click.option("--first", type=click.IntRange(0), default=0, show_default=True, help="the first seed")
-@out_option("study", "folder")
-@workers
-@click.option("--shard", default="1/1", callback=shard, metavar="I/N", help="every N-th world from the I-th on")
-@click.option("--resume", "go_on", is_flag=True, help="continue the study in --out")
+@out_option("study", "folder; one that has rows continues")
+@JOBS
+@ENGINE
+@SHARD
 @DRIVES
 @ASSIGNMENTS
 @URDF
 @click.option(
-    "--lottery",
-    "drawn",
-    type=click.IntRange(0),
-    default=0,
-    help="draw so many random worlds instead, without --drive with drives, joints and all troubles at once",
-)
+    "--lottery", "drawn", type=click.IntRange(0), default=0,
+    help="draw so many random worlds instead, with drives, joints and sensors with all troubles at once",
+)  # fmt: skip
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="of the lottery")
 @ALLOW_FAULT
 def study(
-    *, scenarios: tuple[str, ...], sensors: tuple[str, ...], laws: tuple[str, ...], estimators: str, mismatches: str,
-    seeds: int, first: int, out: Path, jobs: int, engine: EngineName, shard: tuple[int, int], go_on: bool,
+    *, scenarios: tuple[str, ...], sensors: tuple[str, ...], laws: tuple[str, ...], mismatches: tuple[str, ...],
+    seeds: int, first: int, out: Path, jobs: int, engine: EngineName, part: slice,
     drives: tuple[str, ...], assignments: tuple[str, ...], urdf: Path | None, drawn: int, seed: int, allow_fault: bool,
 ) -> None:  # fmt: skip
-    """Run scenario x drive x sensor x mismatch under laws over seeds: study.csv, study.png; continues where it stopped.
+    """Run scenario x drive x sensor x mismatch under laws over seeds: table, rows.csv, rows.png.
 
-    A law is one of the controller, or yours: module:Class or file.py:Class. Names every run that did not end well in a
-    line, and ends with exit code 1 where there is one.
+    A law is one of the controller, or yours: module:Class or file.py:Class; `vic?slip_estimator=measured` changes a
+    parameter of the controller. Names every run that did not end well in a line, and ends with exit code 1 where there
+    is one.
     """
     from slip_vic.experiments.draw import drawn_worlds
-    from slip_vic.experiments.rows import Asked
-    from slip_vic.experiments.study import resume, run_study
-    from slip_vic.experiments.world import MISMATCHES, combined
+    from slip_vic.experiments.study import bad_ones, run_study, tasks_of
+    from slip_vic.experiments.world import combined
     from slip_vic.presets import preset_names
     from slip_vic.scenarios import scenario_names
     from slip_vic.scenarios.scenario import drive_assignments, urdf_assignment
 
-    if go_on:
-        done = resume(out, engine, jobs)
-    elif drawn:
-        given = _given({"drawn", "seed", "scenarios", "laws", "assignments", "out", "jobs", "engine", "shard", "drives",
-                        "allow_fault"})  # fmt: skip
-        drive = drives[0] if "drives" in given and drives else ""
-        scenario = (*scenarios, *scenario_names(1))[0]
-        settings = (*drive_assignments(drive, scenario, assignments), *assignments) if drive else assignments
-        worlds = tuple(drawn_worlds(drawn, seed, scenarios, drives=not drive, assignments=settings))
-        done = run_study([Asked(worlds[shard[0] - 1 :: shard[1]], laws)], out, engine, jobs, check=False)
+    if drawn:
+        _refuse("--lottery draws its worlds itself and takes no", {"sensors", "mismatches", "seeds", "first", "urdf"})
+        worlds = list(drawn_worlds(drawn, seed, scenarios, "".join(drives[:1]), assignments))
     else:
-        wrong = MISMATCHES if mismatches == "all" else names(mismatches)
         chosen = scenarios or tuple(scenario_names(1))
         settings = (*urdf_assignment(urdf), *assignments)
         by_drive = {drive: drive_assignments(drive, chosen[0], settings) if drive else () for drive in drives or ("",)}
-        all_worlds = combined(
-            chosen, sensors or tuple(preset_names("sensors")), wrong, range(first, first + seeds), by_drive, settings
-        )
-        wanted = tuple(_with_estimators(laws, names(estimators)))
-        done = run_study([Asked(tuple(all_worlds[shard[0] - 1 :: shard[1]]), wanted)], out, engine, jobs)
-    click.echo(done.line)
-    end_with(done.bad, allow_fault)
+        worlds = combined(
+            chosen, sensors or tuple(preset_names("sensors")), mismatches, range(first, first + seeds), by_drive,
+            settings,
+        )  # fmt: skip
+        for world in {world.scenario: world for world in worlds}.values():
+            world.load("classical").check()
+    done = run_study(tasks_of(worlds[part], laws), out, engine, jobs)
+    _report(done, out)
+    end_with(bad_ones(done.rows), allow_fault)
 
 
-def _with_estimators(laws: tuple[str, ...], estimators: tuple[str, ...]) -> Iterator[str]:
-    """Yield each law with each estimator of the slip velocity; the observer is what laws have without a remark."""
-    for name in estimators:
-        if name not in ESTIMATORS:
-            raise UnknownName("estimator", name, ESTIMATORS)
-    for law in laws:
-        if law not in ("vic", "governed"):
-            yield law
-            continue
-        for name in estimators:
-            yield law if name == "observer" else f"{law}?slip_estimator={name}"
-
-
-def _given(used: set[str]) -> set[str]:
-    """Return the names of the options that the command line gives; one that the lottery does not use is an error."""
+def _refuse(why: str, options: Iterable[str]) -> None:
+    """Raise where the command line gives one of these options."""
     context = click.get_current_context()
-    given = {name for name in context.params if context.get_parameter_source(name) is ParameterSource.COMMANDLINE}
     for option in context.command.params:
-        if option.name in given - used:
-            raise click.UsageError(f"--lottery draws its worlds itself and takes no {option.opts[0]}")
-    return given
+        if option.name in options and context.get_parameter_source(option.name) is ParameterSource.COMMANDLINE:
+            raise click.UsageError(f"{why} {option.opts[0]}")
+
+
+def _report(done: Done, out: Path) -> None:
+    """Name the workers that died, and say what is in a folder."""
+    for line in done.died:
+        click.echo(line, err=True)
+    click.echo(f"{done.there} of {len(done.rows)} runs were there already; {out}")
 
 
 @click.command()
 @click.argument("folders", nargs=-1, required=True, type=click.Path(path_type=Path))
 @out_option(None, "folder", required=True)
 def merge(folders: tuple[Path, ...], out: Path) -> None:
-    """Put studies that were made in parts (--shard) into one folder; parts that do not fit are refused."""
-    from slip_vic.experiments.study import merge_studies
+    """Put rows that were made in parts (--shard) into one folder; parts that do not fit are refused."""
+    from slip_vic.experiments.study import merge as put_together
 
-    click.echo(merge_studies(folders, out))
+    click.echo(f"{put_together(folders, out)} rows; {out}")
 
 
 @click.command()
 @choosing("scenario", "params", "sensor", "drive", "estimator", "law", "assignments", "urdf")
-@click.option("--mismatch", "mismatches", default="all", show_default=True, help="worlds to simulate: names, or all")
-def check(*, choice: Choice, mismatches: str) -> None:
+@mismatches_option("all")
+def check(*, choice: Choice, mismatches: tuple[str, ...]) -> None:
     """Check what will hold before anything moves: gains, arm, path, and worlds that differ from the configured one.
 
-    Bound on k_s, Propositions 1 to 3; whether the arm can start where the scenario has it and follow its path; what the
-    path takes of the friction, where, and how long the motion lasts; then simulations in this process. Exit code 2
-    where gains or path are refused, 1 where a simulated world does not hold.
+    Bound on k_s, Propositions 1 to 3; whether the arm can start where the scenario has it and follow its path; then
+    simulations in this process. Exit code 2 where gains or path are refused, 1 where a simulated world does not hold.
     """
     from rich.console import Console
 
-    from slip_vic.experiments.check import corner_table, gain_table, gains, path_lines, path_load, refusal, run_corners
-    from slip_vic.experiments.world import MISMATCHES, check_mismatches
+    from slip_vic.experiments.check import gain_table, gains, run_worlds
+    from slip_vic.experiments.tables import tables_of
 
-    wanted = MISMATCHES if mismatches == "all" else names(mismatches)
-    check_mismatches(wanted)
     loaded = choice.load()
     report = gains(loaded)
     remarks = loaded.check_arm()
@@ -187,70 +179,49 @@ def check(*, choice: Choice, mismatches: str) -> None:
         raise click.exceptions.Exit(2)
     loaded.check()
     with Console(stderr=True).status("path") as status:
-        load = path_load(loaded)
-        corners = list(run_corners(choice, wanted, lambda name: status.update(f"simulates {name}")))
-    for line in (*path_lines(load, corners[0]), *remarks):
+        rows = list(run_worlds(choice, mismatches, lambda name: status.update(f"simulates {name}")))
+    for line in remarks:
         click.echo(line)
-    refused = refusal(load, corners[0])
-    if refused:
-        click.echo(refused, err=True)
+    if rows[0]["outcome"] == "refused":
+        click.echo(f"refused: {rows[0]['reason']}", err=True)
         raise click.exceptions.Exit(2)
-    console.print(corner_table(corners))
-    failed = [corner for corner in corners if not corner.holds]
-    click.echo(f"holds in {len(corners) - len(failed)} of {len(corners)} simulated worlds")
-    end_with((f"{corner.mismatch}: {corner.reason}" for corner in failed), allowed=False)
+    console.print(*tables_of(rows), sep="\n")
+    failed = [row for row in rows if row["outcome"] != "ok"]
+    click.echo(f"holds in {len(rows) - len(failed)} of {len(rows)} simulated worlds")
+    end_with((f"{row['mismatch']}: {row['reason']}" for row in failed), allowed=False)
 
 
 @click.command()
 @SCENARIO
 @SENSOR
 @click.option("--law", type=click.Choice(["vic", "governed"]), default="vic", show_default=True, help="control law")
-@click.option("--estimator", type=click.Choice(["measured", "observer"]), default="observer", show_default=True)
-@click.option("--mismatch", "mismatches", default="none,mass+,mass-,friction+,friction-", show_default=True)
+@mismatches_option("none,mass+,mass-,friction+,friction-")
 @click.option("--seeds", type=click.IntRange(1), default=2, show_default=True, help="seeds that the search sees")
 @click.option(
     "--unseen", type=click.IntRange(1), default=5, show_default=True, help="seeds that the result is tried on"
 )
 @click.option("--trials", type=click.IntRange(2), default=40, show_default=True, help="sets that are tried")
-@click.option("--batch", type=click.IntRange(1), default=4, show_default=True, help="sets that run at the same time")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="of the search")
 @click.option(
     "--effort-rate", type=click.FloatRange(1.0), default=1.2, show_default=True,
-    help="largest effort rate, as a factor on the default's in the same world",
+    help="largest effort rate, as a factor on the default's",
 )  # fmt: skip
 @click.option("--later", type=click.FloatRange(0.0), default=0.3, show_default=True, help="latest arrival after it [s]")
-@out_option("tune", "folder")
-@workers
+@out_option("tune", "folder; one that has rows continues")
+@JOBS
+@ENGINE
 @ASSIGNMENTS
 def tune(
-    *,
-    scenario: str,
-    sensor: str,
-    law: Law,
-    estimator: Estimator,
-    mismatches: str,
-    seeds: int,
-    unseen: int,
-    trials: int,
-    batch: int,
-    seed: int,
-    effort_rate: float,
-    later: float,
-    out: Path,
-    jobs: int,
-    engine: EngineName,
-    assignments: tuple[str, ...],
-) -> None:
-    """Search gains for less slip with a sensor: controller.yaml, tune.html; continues where it stopped."""
+    *, scenario: str, sensor: str, law: Law, mismatches: tuple[str, ...], seeds: int, unseen: int, trials: int,
+    seed: int, effort_rate: float, later: float, out: Path, jobs: int, engine: EngineName, assignments: tuple[str, ...],
+) -> None:  # fmt: skip
+    """Search gains for less slip with a sensor: rows.csv, controller.yaml."""
     require_extra("optuna", "slip-vic tune", "tune")
-    from slip_vic.experiments.tune.command import Wanted, run_tune
-    from slip_vic.experiments.tune.space import Bounds
-    from slip_vic.experiments.world import MISMATCHES
+    from slip_vic.experiments.tune import run_tune
+    from slip_vic.experiments.world import World
 
-    wrong = MISMATCHES if mismatches == "all" else names(mismatches)
-    bounds = Bounds(effort_rate, later)
-    wanted = Wanted(scenario, law, sensor, estimator, wrong, seeds, unseen, bounds, trials, batch, seed, assignments)
-    click.echo(run_tune(wanted, out, engine, jobs, shlex.join(["slip-vic", *sys.argv[1:]])))
+    base, bounds = World(scenario, sensor, settings=assignments), (effort_rate, later)
+    click.echo(run_tune(base, law, mismatches, seeds, unseen, bounds, trials, seed, out, engine, jobs))
 
 
 @click.group()
@@ -264,58 +235,48 @@ def benchmark() -> None:
 @click.option("--track", type=click.Choice(["capped", "free"]), help="of the grip; default: that of the law")
 @click.option("--arms", type=click.Choice(["1", "2"]), help="only worlds with so many; default: both")
 @out_option(None, "folder of this law; default out/benchmark/LAW")
-@workers
-@click.option("--shard", default="1/1", callback=shard, metavar="I/N", help="every N-th world from the I-th on")
+@JOBS
+@ENGINE
+@SHARD
 def run(
     *, law: str, worlds: int, track: Track | None, arms: str | None, out: Path | None, jobs: int,
-    engine: EngineName, shard: tuple[int, int],
+    engine: EngineName, part: slice,
 ) -> None:  # fmt: skip
     """Run LAW (a name, module:Class or file.py:Class); a folder that has worlds already continues."""
+    from slip_vic.experiments import suite
     from slip_vic.experiments.law import find_law
-    from slip_vic.experiments.suite import run_law
+    from slip_vic.experiments.study import run_study, tasks_of
 
-    folder = out or Path("out") / "benchmark" / find_law(law).label
-    click.echo(run_law(law, worlds, folder, engine, jobs, shard, track, (int(arms),) if arms else (1, 2)))
+    found = find_law(law)
+    folder = out or Path("out") / "benchmark" / found.label
+    chosen = suite.suite(found, worlds, track, (int(arms),) if arms else (1, 2))
+    done = run_study(tasks_of(chosen[part], (law,)), folder, engine, jobs, {"suite": suite.DIGEST})
+    _report(done, folder)
 
 
 @benchmark.command()
 @click.argument("folders", nargs=-1, required=True, type=click.Path(path_type=Path))
-@out_option("out/benchmark", "folder")
+@out_option("out/benchmark", "folder of the picture")
 def compare(folders: tuple[Path, ...], out: Path) -> None:
-    """Compare results in the worlds that all of them have: table, compare.png, compare.html."""
-    from rich.console import Console
+    """Compare results in the worlds that all of them have: table, rows.png."""
+    from slip_vic.experiments.study import show
+    from slip_vic.experiments.suite import compared
 
-    from slip_vic.experiments.compare import compare as write
-    from slip_vic.experiments.compare import table_for
-
-    lines, line = write(folders, out)
-    console = Console()
-    console.print(table_for(console, lines))
-    click.echo(line)
+    rows = compared(folders)
+    out.mkdir(parents=True, exist_ok=True)
+    show(rows, out)
 
 
 @benchmark.command()
 @click.argument("folder", type=click.Path(path_type=Path))
-def verify(folder: Path) -> None:
+@click.option("--law", default="", help="of the result, where it is none of this suite: its code runs")
+def verify(folder: Path, law: str) -> None:
     """Run ten worlds of a result again, drawn by its own digest; exit code 1 where one differs."""
     from slip_vic.experiments.suite import verify_result
 
-    count, wrong = verify_result(folder)
+    count, wrong = verify_result(folder, law)
     for line in wrong:
         click.echo(line, err=True)
     click.echo(f"{folder}: {count} worlds ran again, {'they differ' if wrong else 'all are equal'}")
     if wrong:
         raise click.exceptions.Exit(1)
-
-
-@benchmark.command("tune")
-@click.argument("law")
-@click.argument("attribute")
-@click.argument("values", nargs=-1, required=True, type=float)
-@click.option("--worlds", type=click.IntRange(1), default=6, show_default=True, help="how many, none of the suite")
-def tune_law(law: str, attribute: str, values: tuple[float, ...], worlds: int) -> None:
-    """Try values of an attribute of LAW in worlds that are not in the suite; the same budget for each law."""
-    from slip_vic.experiments.suite import tried
-
-    for line in tried(law, attribute, values, worlds):
-        click.echo(line)

@@ -1,14 +1,13 @@
 """Drawn worlds that nothing was tuned for: from a set's seed and a number, the same whatever else is drawn.
 
-A world is a scenario, a motion, a sensor, a simulated world that differs from the controller's configuration, and one
-trouble of the wrench sensor; or drives, joints and sensors with all troubles at once.
+A world is a scenario, a motion, a sensor, drives, and a simulated world that differs from the controller's
+configuration in all its parts at once.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
 
 import numpy as np
@@ -20,20 +19,16 @@ from slip_vic.presets import preset_names
 from slip_vic.scenarios import scenario_names
 from slip_vic.scenarios.scenario import Scenario, drive_assignments, load_scenario
 
-SPREAD: Final = 0.3
-"""Largest relative error of what the controller is configured with: mass, inertia, friction, centre of mass."""
-WRONG: Final = 0.6
-"""Share of worlds in which each of them is wrong."""
+SPREAD: Final = 0.4
+"""Largest relative error of mass and friction as configured."""
 BIAS_FORCE: Final = 0.1
 NOISE_FORCE: Final = 0.05
-LATENCY_S: Final = (0.001, 0.005)
 KINDS: Final = ("scenario", "waypoints", "circle", "lemniscate")
-TROUBLES: Final = ("none", "bias", "noise configured", "noise unconfigured", "latency")
 QUINTIC_PEAK: Final = 5.7735
 """Largest acceleration of a quintic from rest to rest over way / duration^2."""
 SLOWER, SETTLES_S = 3.0, 5.0
-"""How many times the time of its path a world with drives lasts, and for how long an arm with friction then comes to
-its goal [s]."""
+"""How many times the time of its path a world lasts, and for how long an arm with friction then comes to its goal
+[s]."""
 ARMS: Final = ("ideal", "torque_joint", "motor_current")
 MOTION_ARMS: Final = ("velocity_500", "velocity_125", "position_250")
 """Drives that are drawn: those that take efforts, and those that take velocities or positions."""
@@ -55,215 +50,117 @@ def length(vector: Array) -> float:
 
 
 def drawn_worlds(
-    count: int, seed: int, scenarios: Sequence[str] = (), *, drives: bool, assignments: Iterable[str] = ()
+    count: int, seed: int, scenarios: Sequence[str] = (), drive: str = "", assignments: Iterable[str] = ()
 ) -> Iterator[World]:
     """Yield those of `count` drawn worlds in which friction carries the weight, with further assignments each."""
     for number in range(count):
-        world = draw(number, seed, scenarios, drives=drives)
+        world = draw(number, seed, scenarios, drive, assignments)
         if world is not None:
-            yield replace(world, settings=(*world.settings, *assignments))
+            yield world
 
 
-def draw(number: int, seed: int, scenarios: Sequence[str] = (), *, drives: bool = True) -> World | None:
+def draw(
+    number: int, seed: int, scenarios: Sequence[str] = (), drive: str = "", assignments: Iterable[str] = ()
+) -> World | None:
     """Return world `number` of a seed; None where static friction would not carry the object's weight at rest.
 
     Args:
         number: from 0 on.
         seed: of the set.
         scenarios: which take turns; none: one with one arm is drawn.
-        drives: whether drives, joints and sensors are drawn with all troubles at once; a world then lasts as long as a
-            law that takes its time needs.
+        drive: of all worlds; none: it is drawn, in half of the worlds one of MOTION_ARMS.
+        assignments: further ones.
     """
-    name = f"drawn {seed}"
-    scenario = scenarios[number % len(scenarios)] if scenarios else ""
-    arms = len(load_scenario(scenario).controllers) if scenario else 1
-    if arms > 1:
-        world = World(scenario, settings=draw_arms(number, seed), set=name, number=number, arms=arms)
-        if drives:
-            drive, sensor, drawn = draw_drives(number, seed, scenario)
-            settings = (*world.settings, *drawn)
-            world = replace(world, sensor=sensor, drive=drive, seed=number, settings=settings)
-    else:
-        rng = np.random.default_rng((seed, number))
-        scenario = scenario or str(rng.choice(scenario_names(1)))
-        sensor, kind = str(rng.choice(preset_names("sensors"))), str(rng.choice(KINDS))
-        known = load_scenario(scenario, sensor=sensor)
-        wrong = {
-            what: float(rng.uniform(-SPREAD, SPREAD)) if rng.random() < WRONG else 0.0
-            for what in ("mass", "inertia", "friction", "com")
-        }
-        trouble, path = str(rng.choice(TROUBLES)), motion(kind, known, rng)
-        settings = (*path, *world_assignments(known, wrong), *wrench_trouble(trouble, rng))
-        drive, noise = "", int(rng.integers(2**31))
-        if drives:
-            drive, drawn = draw_drive(number, seed, scenario)
-            settings = (*path, *drawn)
-            wrong = errors_of(known, load_scenario(scenario, assignments=settings))
-        if not carries_weight(known, wrong):
-            return None
-        world = World(scenario, sensor, noise, settings, name, number, motion=kind, drive=drive)
-    return long_enough(world) if drives else world
+    rng = np.random.default_rng((seed, number))
+    scenario = scenarios[number % len(scenarios)] if scenarios else str(rng.choice(scenario_names(1)))
+    sensor, noise = str(rng.choice(preset_names("sensors"))), int(rng.integers(2**31))
+    drawn = str(rng.choice((*ARMS, *MOTION_ARMS)))
+    drive = drive or drawn
+    known = load_scenario(scenario, sensor=sensor, drive=drive)
+    kind = str(rng.choice(KINDS)) if not known.several else KINDS[0]
+    settings = [*drive_assignments(drive, scenario, ())]
+    settings += _several(rng) if known.several else [*motion(kind, known, rng), *_object(known, rng)]
+    for arm, bridge in known.bridges.items():
+        settings += [f"{arm}.{one}" if arm else one for one in (*_sensors(rng), *_joints(drive, bridge, rng))]
+    settings += assignments
+    of_world = load_scenario(scenario, assignments=settings)
+    if not (known.several or carries_weight(of_world.bridge)):
+        return None
+    lasts = SLOWER * next(iter(of_world.controllers.values())).trajectory.duration_s + SETTLES_S
+    settings.append(f"bridge.duration_s={lasts}")
+    arms = len(known.controllers)
+    return World(scenario, sensor, noise, (*settings,), f"drawn {seed}", number, arms, motion=kind, drive=drive)
 
 
-def long_enough(world: World) -> World:
-    """Return a world that lasts as long as a law that takes its time needs."""
-    path_s = next(iter(world.load("classical").controllers.values())).trajectory.duration_s
-    return replace(world, settings=(*world.settings, f"bridge.duration_s={SLOWER * path_s + SETTLES_S}"))
-
-
-def errors_of(known: Scenario, drawn: Scenario) -> dict[str, float]:
-    """Return the relative errors of mass and friction of a drawn world; of friction the least on the way."""
-    of, own = drawn.bridge, known.bridge
-    left = of.friction.falls_to if of.friction.falls_at_s > 0.0 else 1.0
-    slips = of.friction.mu_k if of.friction.model == "coulomb" else of.friction.mu_s
-    return {
-        "mass": of.object.mass / own.object.mass - 1.0,
-        "friction": left * slips / own.friction.mu_s - 1.0,
-        "com": 0.0,
-    }
-
-
-def draw_arms(number: int, seed: int) -> tuple[str, ...]:
+def _several(rng: np.random.Generator) -> list[str]:
     """Return how several arms differ from what their controllers are configured with.
 
     Base of the last arm within 0.3 deg about every axis and 2 mm, its reference up to 10 ms late, friction of its pad
     0.87 to 1 of the others', mass within 10 %, motion in 1.2 to 2 s.
     """
-    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number,)))
-    turn, shift = rng.uniform(-BASE_RAD, BASE_RAD, 3), rng.uniform(-BASE_M, BASE_M, 3)
-    late, weak, mass = rng.uniform(0.0, LATE_S), rng.uniform(WEAKEST, 1.0), rng.uniform(1.0 - MASS, 1.0 + MASS)
-    return (
-        f"mismatch.base_rotation={turn.tolist()}",
-        f"mismatch.base_position={shift.tolist()}",
-        f"mismatch.late_s={late}",
-        f"mismatch.friction={weak}",
-        f"mismatch.mass={mass}",
+    return [
+        f"mismatch.base_rotation={rng.uniform(-BASE_RAD, BASE_RAD, 3).tolist()}",
+        f"mismatch.base_position={rng.uniform(-BASE_M, BASE_M, 3).tolist()}",
+        f"mismatch.late_s={rng.uniform(0.0, LATE_S)}",
+        f"mismatch.friction={rng.uniform(WEAKEST, 1.0)}",
+        f"mismatch.mass={rng.uniform(1.0 - MASS, 1.0 + MASS)}",
         f"controller.trajectory.duration_s={rng.uniform(FASTEST_S, SLOWEST_S)}",
-    )
+    ]
 
 
-def draw_drive(number: int, seed: int, scenario: str) -> tuple[str, tuple[str, ...]]:
-    """Return a drive, and joints, sensors and friction as they are, for one arm: all troubles at once, none configured.
-
-    The drive is one of ARMS. Mass and friction 0.6 to 1.4, friction that falls on the way, all three friction laws;
-    sensors as `_sensors` and joints as `_joints` have them, commands 0 to 4 ms late. Half of the worlds have one of
-    MOTION_ARMS instead.
-    """
-    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number, 1)))
-    drive = str(rng.choice(ARMS))
-    of_motion = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number, 2)))
-    if of_motion.random() < 0.5:
-        drive = str(of_motion.choice(MOTION_ARMS))
-    known = load_scenario(scenario, drive=drive)
-    bridge = known.bridge
-    # What is drawn keeps this order, so that a seed keeps its worlds.
-    mass, friction = rng.uniform(0.6, 1.4, 2)
-    biases, late = _biases(rng), _late_s(rng)
-    world = [
+def _object(known: Scenario, rng: np.random.Generator) -> list[str]:
+    """Return mass and friction within SPREAD, one of three friction laws, and friction that falls on the way."""
+    bridge, (mass, friction) = known.bridge, rng.uniform(1.0 - SPREAD, 1.0 + SPREAD, 2)
+    found = [
         f"bridge.object.mass={bridge.object.mass * mass}",
         f"bridge.friction.mu_s={bridge.friction.mu_s * friction}",
         f"bridge.friction.mu_k={bridge.friction.mu_k * friction}",
         f"bridge.friction.model={rng.choice(('stribeck', 'coulomb', 'lugre'))}",
-        *_sensors(biases, rng),
     ]
     if rng.random() < 0.5:
         falls_at = rng.uniform(0.2, 1.0) * known.controller.trajectory.duration_s
-        world += [f"bridge.friction.falls_at_s={falls_at}", f"bridge.friction.falls_to={rng.uniform(0.7, 1.0)}"]
-    return drive, (*drive_assignments(drive, scenario, ()), *world, *_joints(drive, bridge, late, rng, of_motion))
+        found += [f"bridge.friction.falls_at_s={falls_at}", f"bridge.friction.falls_to={rng.uniform(0.7, 1.0)}"]
+    return found
 
 
-def draw_drives(number: int, seed: int, scenario: str) -> tuple[str, str, tuple[str, ...]]:
-    """Return drive and slip sensor of several arms, and their drives, joints and sensors as they are.
-
-    One drive of ARMS and MOTION_ARMS for all; what `_sensors` and `_joints` draw is each arm's own.
-    """
-    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number, 1)))
-    drive, sensor = str(rng.choice((*ARMS, *MOTION_ARMS))), str(rng.choice(preset_names("sensors")))
-    world = list(drive_assignments(drive, scenario, ()))
-    for arm, known in load_scenario(scenario, drive=drive).bridges.items():
-        own = (*_sensors(_biases(rng), rng), *_joints(drive, known, _late_s(rng), rng, rng))
-        world += [f"{arm}.{one}" for one in own]
-    return drive, sensor, tuple(world)
-
-
-def _biases(rng: np.random.Generator) -> tuple[Array, Array]:
-    """Return biases of wrench sensor, to BIAS_FORCE, and slip sensor, to 10 mm/s."""
+def _sensors(rng: np.random.Generator) -> list[str]:
+    """Return biased sensors: force to BIAS_FORCE, slip to 10 mm/s; noise, slip gain, outliers 2 %, dropouts to 30 %."""
     force, slip = rng.normal(size=3), rng.normal(size=2)
     force *= rng.uniform(0.0, BIAS_FORCE) / length(force)
     slip *= rng.uniform(0.0, 0.01) / length(slip)
-    return force, slip
-
-
-def _late_s(rng: np.random.Generator) -> float:
-    """Return how late commands are [s], 0 to 4 ms."""
-    return float(rng.integers(0, 5)) * 1e-3
-
-
-def _sensors(biases: tuple[Array, Array], rng: np.random.Generator) -> tuple[str, ...]:
-    """Return biased sensors; wrench noise NOISE_FORCE; slip gain 0.7 to 1.1, outliers 2 %, dropouts to 30 %."""
-    force, slip = biases
-    return (
+    return [
         f"bridge.sensors.wrench.bias={[*force.tolist(), 0.0, 0.0, 0.0]}",
         f"bridge.sensors.wrench.noise_force={NOISE_FORCE}",
         f"bridge.sensors.slip.faults.gain={rng.uniform(0.7, 1.1)}",
         f"bridge.sensors.slip.faults.bias={[*slip.tolist(), 0.0, 0.0, 0.0, 0.0]}",
         "bridge.sensors.slip.faults.outlier_probability=0.02",
         f"bridge.sensors.slip.faults.dropout_probability={rng.uniform(0.0, 0.3)}",
-    )
-
-
-def _joints(
-    drive: str, known: BridgeParams, late_s: float, rng: np.random.Generator, of_motion: np.random.Generator
-) -> tuple[str, ...]:
-    """Return joints that are not as the preset of their drive says.
-
-    Of measured torque: offset to 0.2 N m, friction to 0.3 of COULOMB, velocity noise to 0.01 rad/s, efforts late. Of
-    MOTION_ARMS: commands later than configured, bandwidth within BANDWIDTH of it, velocity noise to 0.01 rad/s.
-    """
-    joints = len(known.joint_names)
-    noise, offset, share = rng.uniform(0.0, 0.01), rng.uniform(0.0, 0.2, joints), rng.uniform(0.0, 0.3)
-    if drive in MOTION_ARMS:
-        return (
-            f"bridge.drive.bandwidth={known.drive.bandwidth * of_motion.uniform(1.0 - BANDWIDTH, 1.0 + BANDWIDTH)}",
-            f"bridge.drive.delay_s={known.drive.delay_s + late_s}",
-            f"bridge.sensors.joint.noise_velocity={noise}",
-        )
-    if drive == "motor_current":
-        return (f"bridge.drive.delay_s={max(late_s, 0.002)}",)
-    return (
-        f"bridge.sensors.joint.noise_velocity={noise}",
-        f"bridge.drive.offset={(offset * rng.choice((-1.0, 1.0), joints)).tolist()}",
-        f"bridge.drive.coulomb={(share * np.array(coulomb_of(joints))).tolist()}",
-        f"bridge.drive.delay_s={late_s}",
-        "controller.tare.duration_s=0.3",
-    )
-
-
-def world_assignments(known: Scenario, wrong: Mapping[str, float]) -> list[str]:
-    """Return what makes the simulated world differ from what the controller is configured with."""
-    bridge = known.bridge
-    position = [value * (1.0 + wrong["com"]) for value in bridge.contacts.position[:3]]
-    return [
-        f"bridge.object.mass={bridge.object.mass * (1.0 + wrong['mass'])}",
-        f"bridge.object.inertia={[value * (1.0 + wrong['inertia']) for value in bridge.object.inertia]}",
-        f"bridge.contacts.position={position + list(bridge.contacts.position[3:])}",
-        f"bridge.friction.mu_s={bridge.friction.mu_s * (1.0 + wrong['friction'])}",
-        f"bridge.friction.mu_k={bridge.friction.mu_k * (1.0 + wrong['friction'])}",
     ]
 
 
-def wrench_trouble(trouble: str, rng: np.random.Generator) -> list[str]:
-    """Return what is wrong with the wrench sensor."""
-    if trouble == "bias":
-        direction = rng.normal(size=3)
-        force = rng.uniform(0.0, BIAS_FORCE) * direction / length(direction)
-        return [f"bridge.sensors.wrench.bias={[*force.tolist(), 0.0, 0.0, 0.0]}"]
-    if trouble == "latency":
-        return [f"bridge.sensors.wrench.latency_s={float(rng.uniform(*LATENCY_S)):.4f}"]
-    if trouble.startswith("noise"):
-        known = [f"controller.wrench_sensor.noise_force={NOISE_FORCE}"] if trouble == "noise configured" else []
-        return [f"bridge.sensors.wrench.noise_force={NOISE_FORCE}", *known]
-    return []
+def _joints(drive: str, known: BridgeParams, rng: np.random.Generator) -> list[str]:
+    """Return joints that are not as the preset of their drive says; commands come 0 to 4 ms later.
+
+    Of measured torque: offset to 0.2 N m, friction to 0.3 of COULOMB, velocity noise to 0.01 rad/s. Of drives with a
+    loop of their own: bandwidth within BANDWIDTH of what is configured, velocity noise to 0.01 rad/s.
+    """
+    joints, late_s = len(known.joint_names), float(rng.integers(0, 5)) * 1e-3
+    noise, offset, share = rng.uniform(0.0, 0.01), rng.uniform(-0.2, 0.2, joints), rng.uniform(0.0, 0.3)
+    if known.drive.interface != "effort":
+        return [
+            f"bridge.drive.bandwidth={known.drive.bandwidth * rng.uniform(1.0 - BANDWIDTH, 1.0 + BANDWIDTH)}",
+            f"bridge.drive.delay_s={known.drive.delay_s + late_s}",
+            f"bridge.sensors.joint.noise_velocity={noise}",
+        ]
+    if drive == "motor_current":
+        return [f"bridge.drive.delay_s={max(late_s, 0.002)}"]
+    return [
+        f"bridge.sensors.joint.noise_velocity={noise}",
+        f"bridge.drive.offset={offset.tolist()}",
+        f"bridge.drive.coulomb={(share * np.array(coulomb_of(joints))).tolist()}",
+        f"bridge.drive.delay_s={late_s}",
+        "controller.tare.duration_s=0.3",
+    ]
 
 
 def motion(kind: str, known: Scenario, rng: np.random.Generator) -> list[str]:
@@ -294,17 +191,17 @@ def motion(kind: str, known: Scenario, rng: np.random.Generator) -> list[str]:
     return []
 
 
-def carries_weight(known: Scenario, wrong: Mapping[str, float]) -> bool:
-    """Return whether static friction carries the object's weight at rest, in the attitude of the grasp.
+def carries_weight(bridge: BridgeParams) -> bool:
+    """Return whether static friction, the least on the way, carries the object's weight in the attitude of the grasp.
 
     The object's axes start along those of the world, as in all shipped scenarios.
     """
-    bridge = known.bridge
+    of = bridge.friction
     x, y, z, w = bridge.contacts.orientation_xyzw[:4]
     normal = np.array([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
-    weight = bridge.object.mass * (1.0 + wrong["mass"]) * np.array(bridge.gravity)
-    lever = (1.0 + wrong["com"]) * np.array(bridge.contacts.position[:3])
+    weight = bridge.object.mass * np.array(bridge.gravity)
     force = weight - normal * (normal @ weight)
-    torque = float(normal @ np.cross(-lever, weight))
-    limit = bridge.friction.mu_s * (1.0 + wrong["friction"]) * bridge.grip.force
-    return math.hypot(length(force), torque / bridge.friction.torsional_radius) < limit
+    torque = float(normal @ np.cross(-np.array(bridge.contacts.position[:3]), weight))
+    left = of.falls_to if of.falls_at_s > 0.0 else 1.0
+    limit = left * (of.mu_k if of.model == "coulomb" else of.mu_s) * bridge.grip.force
+    return math.hypot(length(force), torque / of.torsional_radius) < limit

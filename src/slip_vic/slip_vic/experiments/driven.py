@@ -6,11 +6,8 @@ away it goes to FAULT, which ends the run. Its effort is not applied.
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import math
-import signal
-import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Final
@@ -103,37 +100,29 @@ class Driven:
     def ticks(self) -> Iterator[Tick]:
         """Run and yield every tick with the law's command in it, until the end or until the law fails."""
         begun = False
-        with _alarm() as set_alarm:
-            for tick in run_in_process(self.scenario):
-                try:
-                    seen = self._seen(tick)
-                    if not begun:
-                        self._guarded("reset", self._setup(tick))
-                        begun = True
-                    answers = self._answers(self._guarded("step", seen, set_alarm))
-                    for arm, answer in enumerate(answers):
-                        self._apply(tick, arm, answer)
-                except LawError as error:
-                    self.failure = f"{tick.time_s:.3f} s: {error}"
-                    return
-                self.grips.append(max(arm.squeeze for arm in self._arms))
-                yield tick
-
-    def _guarded(self, method: str, argument: object, set_alarm: Callable[[float], None] = lambda _: None) -> object:
-        """Call the law; whatever it raises is a `LawError`."""
-        call = getattr(self._law, method)
-        try:
-            begin = time.perf_counter()
-            set_alarm(LONGEST_STEP_S)
+        for tick in run_in_process(self.scenario):
             try:
-                result = call(argument)
-            finally:
-                set_alarm(0.0)
-            if method == "step":
+                seen = self._seen(tick)
+                if not begun:
+                    self._guarded("reset", self._setup(tick))
+                    begun = True
+                begin = time.perf_counter()
+                given = self._guarded("step", seen)
                 self.step_s.append(time.perf_counter() - begin)
-            return result
-        except _TooSlowError:
-            raise LawError(f"step takes longer than {LONGEST_STEP_S:g} s") from None
+                if self.step_s[-1] > LONGEST_STEP_S:
+                    raise LawError(f"step takes longer than {LONGEST_STEP_S:g} s")
+                for arm, answer in enumerate(self._answers(given)):
+                    self._apply(tick, arm, answer)
+            except LawError as error:
+                self.failure = f"{tick.time_s:.3f} s: {error}"
+                return
+            self.grips.append(max(arm.squeeze for arm in self._arms))
+            yield tick
+
+    def _guarded(self, method: str, argument: object) -> object:
+        """Call the law; whatever it raises is a `LawError`."""
+        try:
+            return getattr(self._law, method)(argument)
         except Exception as error:  # a law is someone else's
             raise LawError(f"{method} raises {type(error).__name__}: {' '.join(str(error).split())}") from error
 
@@ -250,7 +239,6 @@ class _Arm:
             slip=self._slip.copy(),
             slip_time=self._slip_time,
             grip=self.grip,
-            truth=outputs.readings.truth if "truth" in needs else None,
             stamp_ns=now_ns,
             joint=outputs.joint,
             wrenches=outputs.wrenches if "wrench" in needs else (),
@@ -340,31 +328,3 @@ class _Arm:
         clipped, limited = np.zeros(n, np.int64), np.zeros(n, np.int64)
         limit_effort(limits, self.limiter, n, wanted, now_ns, clipped, limited)
         return np.array(self.limiter.effort[:n])
-
-
-class _TooSlowError(BaseException):
-    """Raised inside of a step that takes too long; a law that catches every `Exception` does not catch it."""
-
-
-@contextlib.contextmanager
-def _alarm() -> Iterator[Callable[[float], None]]:
-    """Yield a function of the time after which `_TooSlowError` is raised [s]; 0: never.
-
-    Only the main thread of a process has an alarm.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield lambda _: None
-        return
-
-    def stop(*_: object) -> None:
-        raise _TooSlowError
-
-    def set_alarm(after_s: float) -> None:
-        signal.setitimer(signal.ITIMER_REAL, after_s)
-
-    before = signal.signal(signal.SIGALRM, stop)
-    try:
-        yield set_alarm
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, before)

@@ -15,11 +15,11 @@ from typing import Any, ClassVar, Final, Protocol, cast, runtime_checkable
 
 from slip_core.arrays import Array
 from slip_core.errors import InputError, UnknownName
-from slip_core.types import JointSample, ObjectTruth, SlipSample, WrenchSample
+from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_vic_controller.params.node_params import ControllerNodeParams
 
-NEEDS: Final = ("wrench", "slip", "grip", "truth")
-"""What a law may need beside the arm itself; one that needs the truth is an oracle, and is not ranked."""
+NEEDS: Final = ("wrench", "slip", "grip")
+"""What a law may need beside the arm itself."""
 KNOWN: Final = {
     **{name: f"slip_vic.experiments.ours:{kind}"
        for name, kind in (("classical", "Classical"), ("vic", "Vic"), ("governed", "Governed"),
@@ -81,7 +81,7 @@ class Seen:
     [m/s, rad/s]: of the pad, {w}; J (6, n), M (n, n) [kg m2], bias (n,) [N m]: Jacobian {w}, joint inertia,
     C qd + g; wrench (6,) [N, N m] {ee}: the newest, of the object on the pad; slip (6,) [m/s, rad/s] {ee}: the newest
     slip velocity, and slip_time when it was measured [s], -inf before the first; grip: squeeze that is commanded [N];
-    truth: pose and motion of the object; stamp_ns, joint, wrenches, slips: the samples themselves, those that are new,
+    stamp_ns, joint, wrenches, slips: the samples themselves, those that are new,
     oldest first; others: the further arms.
     """
 
@@ -98,7 +98,6 @@ class Seen:
     slip: Array
     slip_time: float
     grip: float
-    truth: ObjectTruth | None
     stamp_ns: int
     joint: JointSample
     wrenches: tuple[WrenchSample, ...]
@@ -185,11 +184,6 @@ class FoundLaw:
     def several(self) -> bool:
         """Whether it answers for several arms."""
         return bool(getattr(self.kind, "several", False))
-
-    @property
-    def oracle(self) -> bool:
-        """Whether it reads what no sensor measures."""
-        return "truth" in self.kind.needs
 
 
 def find_law(name: str) -> FoundLaw:

@@ -1,4 +1,4 @@
-"""The file of an experiment: one CSV row per run, added as runs end; beside it what the rows are made of, and a lock.
+"""The rows of an experiment: ``rows.csv``, a row per run, added as runs end, and ``rows.json``, what they are made of.
 
 Rows of one file were all made by the same code from the same files: what differs is refused by its name. A file that
 was stopped anywhere is continued.
@@ -12,15 +12,15 @@ import fcntl
 import json
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import IO, Final, NamedTuple, Self
+from typing import Final, NamedTuple, Self
 
 from slip_core.errors import InputError
 from slip_vic.experiments.run import METRICS, TIMED, Result
 from slip_vic.experiments.world import World
 from slip_vic.run.versions import digest
 
+FILE: Final = "rows.csv"
 KEY: Final = (
     "set", "world", "law", "scenario", "sensor", "drive", "motion", "mismatch", "seed", "arms", "track", "digest",
 )  # fmt: skip
@@ -44,69 +44,10 @@ class Task(NamedTuple):
         numbers = (str(world.seed), str(world.arms))
         return (world.set, str(world.number), law, *labels, *numbers, world.track, world.digest)
 
-
-class Asked(NamedTuple):
-    """All worlds under all laws."""
-
-    worlds: tuple[World, ...]
-    laws: tuple[str, ...]
-
-    def tasks(self) -> list[Task]:
-        """Return the runs; all laws of a world one after the other."""
-        return [Task(world, law) for world in self.worlds for law in self.laws]
-
-
-@dataclass(frozen=True, slots=True)
-class Plan:
-    """What a file is made of, and what it was asked for, one after the other; the content of the JSON beside it.
-
-    made_of: versions of the code and digests of the files, by their names.
-    """
-
-    made_of: Mapping[str, str]
-    asked: tuple[Asked, ...]
-
-    @classmethod
-    def read(cls, file: Path) -> Self:
-        """Read it.
-
-        Raises:
-            InputError: there is none, or it is not one of this version.
-        """
-        try:
-            found = json.loads(file.read_text(encoding="utf-8"))
-            asked = [Asked(tuple(map(World.read, one["worlds"])), tuple(one["laws"])) for one in found["asked"]]
-            return cls(dict(found["made_of"]), tuple(asked))
-        except (OSError, ValueError, KeyError, TypeError) as error:
-            raise InputError(
-                f"file {file}", got=f"{type(error).__name__}: {error}",
-                expected="what an experiment of this version writes", fix="give another place",
-            ) from None  # fmt: skip
-
-    def write(self, file: Path) -> None:
-        """Write it."""
-        asked = [{"worlds": [asdict(world) for world in one.worlds], "laws": one.laws} for one in self.asked]
-        content = {"made_of": dict(self.made_of), "asked": asked}
-        with whole(file) as opened:
-            opened.write(json.dumps(content, indent=1) + "\n")
-
-    def joined(self, other: Plan, where: str) -> Plan:
-        """Return what both are made of together.
-
-        Raises:
-            InputError: they do not fit; names what differs.
-        """
-        for name in difference(self.made_of, other.made_of):
-            raise InputError(
-                where, got=f"rows made with {name} {self.made_of[name]}", expected=f"{name} {other.made_of[name]}",
-                fix="give another place",
-            )  # fmt: skip
-        asked = tuple(dict.fromkeys((*self.asked, *other.asked)))
-        return replace(self, made_of={**self.made_of, **other.made_of}, asked=asked)
-
-    def tasks(self) -> list[Task]:
-        """Return all runs that were asked for, each once."""
-        return list(dict.fromkeys(task for one in self.asked for task in one.tasks()))
+    @property
+    def name(self) -> str:
+        """Its key in words, without the digest."""
+        return " ".join(filter(None, self.key[:-1]))
 
 
 class RowFile:
@@ -114,23 +55,23 @@ class RowFile:
 
     Args:
         path: of the CSV file; its folder is made where it does not exist.
-        plan: what the rows that come are made of.
+        made_of: versions of the code and digests of the files of which the rows that come are made, by their names.
 
     Raises:
         InputError: the file cannot be written, is in use, or holds rows that are made of something else.
     """
 
-    def __init__(self, path: Path, plan: Plan) -> None:
+    def __init__(self, path: Path, made_of: Mapping[str, str]) -> None:
         self.path = path
-        file = path.with_suffix(".json")
         with contextlib.ExitStack() as undo:
             try:
-                undo.enter_context(locked(path))
-                if file.exists():
-                    plan = Plan.read(file).joined(plan, f"--out {path}")
-                plan.write(file)
-                self.plan = plan
-                write_rows(path, (row for row in self.rows() if row["outcome"] != "crashed"))
+                path.parent.mkdir(parents=True, exist_ok=True)
+                undo.enter_context(locked(path.with_suffix(".lock")))
+                before = read_made_of(path) if path.with_suffix(".json").exists() else {}
+                refuse_difference(before, made_of, f"--out {path.parent}")
+                self.made_of = {**before, **made_of}
+                rows = [row for row in read_rows(path) if row["outcome"] != "crashed"]
+                write_rows(path, rows, self.made_of)
                 self._file = undo.enter_context(path.open("a", newline="", encoding="utf-8"))
             except (OSError, ValueError) as error:
                 raise InputError(f"--out {path}", got=str(error), expected="a place for an experiment") from None
@@ -140,7 +81,10 @@ class RowFile:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._close.close()
+        """Put the rows in the order of their runs: the same file, whichever was first."""
+        with self._close:
+            self._file.close()
+            write_rows(self.path, self.rows(), self.made_of)
 
     def rows(self) -> list[Row]:
         """Return all complete rows."""
@@ -150,21 +94,14 @@ class RowFile:
         """Return the keys of the runs that need not be made again; those that crashed do."""
         return {key_of(row) for row in self.rows() if row["outcome"] != "crashed"}
 
+    def put(self, rows: Iterable[Row]) -> None:
+        """Put these rows in the place of those that are there."""
+        write_rows(self.path, rows, self.made_of)
+
     def append(self, result: Result) -> None:
-        """Add a row; it is on the disk when this returns."""
+        """Add a row."""
         csv.writer(self._file).writerow(row_of(result).values())
-        _to_disk(self._file)
-
-    def sort(self) -> None:
-        """Put the rows in the order of their runs: the same file, whichever was first."""
-        self.write(self.rows())
-
-    def write(self, rows: Iterable[Row]) -> None:
-        """Put these rows in the place of those that are there, in the order of their runs."""
-        write_rows(self.path, sorted(rows, key=lambda row: (row["set"], int(row["world"]), key_of(row))))
-        self._file.close()
-        self._file = self.path.open("a", newline="", encoding="utf-8")
-        self._close.callback(self._file.close)
+        self._file.flush()
 
 
 def row_of(result: Result) -> Row:
@@ -205,86 +142,97 @@ def read_rows(path: Path) -> list[Row]:
     return list({key_of(row): row for row in found}.values())
 
 
-def write_rows(path: Path, rows: Iterable[Row]) -> None:
-    """Write a file of rows that is whole or not there."""
-    kept = list(rows)
-    with whole(path) as file:
+def write_rows(path: Path, rows: Iterable[Row], made_of: Mapping[str, str]) -> None:
+    """Write rows in the order of their runs, and what they are made of with their digest; each file whole or not."""
+    kept = sorted(rows, key=lambda row: (row["set"], int(row["world"]), key_of(row)))
+    partial = path.with_suffix(".partial")
+    with partial.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, COLUMNS)
         writer.writeheader()
         writer.writerows(kept)
+    partial.replace(path)
+    content = {"made_of": dict(made_of), "rows": digest_of(kept)}
+    partial.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    partial.replace(path.with_suffix(".json"))
 
 
-def merged(paths: Sequence[Path], out: Path) -> RowFile:
-    """Put the rows of several files, for instance shards, into one; the caller closes it.
+def read_json(path: Path) -> tuple[dict[str, str], str]:
+    """Return what the rows of a file are made of, and their digest when they were written.
 
     Raises:
-        InputError: a file is missing, they are made of different things, or a run has two different results.
+        InputError: nothing of this version says so.
     """
-    plan = Plan.read(paths[0].with_suffix(".json"))
-    for path in paths[1:]:
-        plan = Plan.read(path.with_suffix(".json")).joined(plan, f"{path}")
-    file = RowFile(out, plan)
     try:
-        rows = {key_of(row): row for row in file.rows()}
-        for path in paths:
-            for row in read_rows(path):
-                there = rows.setdefault(key_of(row), row)
-                if there["outcome"] == "crashed":
-                    rows[key_of(row)] = row
-                elif timeless(row) != timeless(there) and row["outcome"] != "crashed":
-                    raise InputError(
-                        f"{path}", got=f"another result of {' '.join(key_of(row))}",
-                        expected="the same row of a run in all files",
-                    )  # fmt: skip
-        file.write(rows.values())
-    except BaseException:
-        file.__exit__()
-        raise
-    return file
+        found = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
+        return dict(found["made_of"]), str(found["rows"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError(
+            f"folder {path.parent}", got=f"{type(error).__name__}: {error}", expected="rows of an experiment",
+            fix="give another folder",
+        ) from None  # fmt: skip
 
 
-def difference(one: Mapping[str, object], other: Mapping[str, object]) -> list[str]:
+def read_made_of(path: Path) -> dict[str, str]:
+    """Return what the rows of a file are made of; see `read_json`."""
+    return read_json(path)[0]
+
+
+def refuse_difference(one: Mapping[str, str], other: Mapping[str, str], where: str) -> None:
+    """Raise where a name that both have stands for different things."""
+    for name in difference(one, other):
+        raise InputError(
+            where, got=f"rows made with {name} {one[name]}", expected=f"{name} {other[name]}", fix="give another folder"
+        )
+
+
+def difference(one: Mapping[str, str], other: Mapping[str, str]) -> list[str]:
     """Return the names that both have with different values."""
     return [name for name in one if name in other and one[name] != other[name]]
 
 
-@contextlib.contextmanager
-def locked(path: Path) -> Iterator[None]:
-    """Hold the lock of a file while the block runs; it ends with the process, however that ends.
+def joined(folders: Sequence[Path], versions: Iterable[str] = ()) -> tuple[list[Row], dict[str, str]]:
+    """Return the rows of several folders, for instance of shards, and what they are made of.
+
+    versions: names of what may differ between them.
 
     Raises:
-        InputError: another process holds it, or the folder cannot be written.
+        InputError: a folder has no rows, they are made of different things, or a run has two different results.
     """
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        file = path.with_suffix(".lock").open("a+")
-    except OSError as error:
-        raise InputError(f"--out {path}", got=str(error), expected="a place that can be written") from None
-    with file as lock:
+    made_of: dict[str, str] = {}
+    rows: dict[Key, Row] = {}
+    for folder in folders:
+        own = {name: value for name, value in read_made_of(folder / FILE).items() if name not in set(versions)}
+        refuse_difference(own, made_of, f"folder {folder}")
+        made_of |= own
+        for row in read_rows(folder / FILE):
+            there = rows.setdefault(key_of(row), row)
+            if there["outcome"] == "crashed":
+                rows[key_of(row)] = row
+            elif timeless(row) != timeless(there) and row["outcome"] != "crashed":
+                raise InputError(
+                    f"folder {folder}", got=f"another result of {' '.join(key_of(row))}",
+                    expected="the same row of a run in all folders",
+                )  # fmt: skip
+    return list(rows.values()), made_of
+
+
+@contextlib.contextmanager
+def locked(path: Path) -> Iterator[None]:
+    """Hold a lock while the block runs; it ends with the process, however that ends.
+
+    Raises:
+        InputError: another process holds it.
+    """
+    with path.open("a+") as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             lock.seek(0)
             raise InputError(
-                f"--out {path}", got=f"a file in use by {lock.read().strip() or 'another process'}",
-                expected="a place of its own for each experiment that runs", fix="wait for it, or give another place",
+                f"--out {path.parent}", got=f"a folder in use by {lock.read().strip() or 'another process'}",
+                expected="a folder of its own for each experiment that runs", fix="wait for it, or give another folder",
             ) from None  # fmt: skip
         lock.truncate(0)
         lock.write(f"process {os.getpid()} on {os.uname().nodename}\n")
         lock.flush()
         yield
-
-
-@contextlib.contextmanager
-def whole(path: Path) -> Iterator[IO[str]]:
-    """Open a file that is whole or not there."""
-    partial = path.with_suffix(f"{path.suffix}.partial")
-    with partial.open("w", newline="", encoding="utf-8") as file:
-        yield file
-        _to_disk(file)
-    partial.replace(path)
-
-
-def _to_disk(file: IO[str]) -> None:
-    file.flush()
-    os.fsync(file.fileno())

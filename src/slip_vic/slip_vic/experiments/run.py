@@ -19,7 +19,7 @@ from slip_vic.run.in_process import Tick, run_in_process
 from slip_vic.run.judge import Verdict, judge
 from slip_vic.run.metrics import off_goal_m
 from slip_vic.run.track import Track
-from slip_vic.scenarios.scenario import LAWS, NO_TEXTS, OF_SEVERAL, Estimator, Law, Scenario, Texts
+from slip_vic.scenarios.scenario import LAWS, Estimator, Law, Scenario
 
 OF_VERDICT: Final = (
     "slip_linear_m", "slip_angular_rad", "slip_linear_peak_m", "slip_speed_peak_m_s", "tracking_rms_m",
@@ -55,8 +55,7 @@ OWN_LAWS: Final[Mapping[str, OwnLaw]] = {
     "governed": OwnLaw("governed"),
     "governed_follow": OwnLaw("governed", more=("controller.grip.control=follow", "bridge.grip.control=follow")),
 }
-PRINTED: Final = OwnLaw("vic", "measured", ("controller.gains.spin=follow", "controller.gains.authority=printed"))
-"""Of one arm "printed" is the law as printed, with the samples of the slip sensor as they come."""
+"""Laws that experiments configure otherwise than `load_scenario`."""
 
 
 class Result(NamedTuple):
@@ -73,44 +72,32 @@ class Result(NamedTuple):
     metrics: Mapping[str, float]
 
 
-def own_law(name: str, arms: int) -> OwnLaw | None:
+def own_law(name: str) -> OwnLaw | None:
     """Return a law of the controller by its name; None where it is none.
 
     ``?parameter=value`` behind the name changes one parameter of the controller, ``vic?slip_estimator=measured``.
     """
     base, _, change = name.partition("?")
-    if base == "printed" and arms == 1:
-        found = PRINTED
-    elif base in OF_SEVERAL:
-        found = OwnLaw(cast(Law, base), None)
-    elif base in OWN_LAWS:
-        found = OWN_LAWS[base]
-    else:
+    if base not in (*OWN_LAWS, *LAWS):
         return None
+    found = OWN_LAWS.get(base) or OwnLaw(cast(Law, base), None)
     more = (*found.more, f"controller.{change}") if change else found.more
     return OwnLaw(found.law, found.estimator, more)
 
 
-def check_law(name: str) -> None:
-    """Raise where there is no such law, of the controller or foreign."""
-    if name.partition("?")[0] not in (*OWN_LAWS, *LAWS):
-        find_law(name)
-
-
-def run(world: World, law: str, texts: Texts = NO_TEXTS) -> Result:
+def run(world: World, law: str) -> Result:
     """Run a world under a law; whatever goes wrong becomes the outcome of its row.
 
     Args:
         world: which; on a track of the benchmark every law runs through the interface for foreign laws.
         law: a name, `module:Class` or `file.py:Class`.
-        texts: contents of files that are not opened.
     """
-    own = None if world.track else own_law(law, world.arms)
+    own = None if world.track else own_law(law)
     try:
         if own:
-            driven: Driven | Controlled = Controlled(world.load(own.law, own.estimator, own.more, texts))
+            driven: Driven | Controlled = Controlled(world.load(own.law, own.estimator, own.more))
         else:
-            driven = _foreign(world, law, texts)
+            driven = _foreign(world, law)
         outcome, reason, metrics = play(driven)
     except SlipVicError as error:
         return failed(world, law, "refused", str(error))
@@ -152,10 +139,10 @@ def play(driven: Driven | Controlled) -> tuple[str, str, dict[str, float]]:
     return outcome, reason, metrics_of(verdict, outcome, track, driven)
 
 
-def _foreign(world: World, law: str, texts: Texts) -> Driven:
+def _foreign(world: World, law: str) -> Driven:
     kind = find_law(law).kind
     configured = OWN_LAWS[getattr(kind, "configured", "classical")]
-    scenario = world.load(configured.law, configured.estimator, (), texts)
+    scenario = world.load(configured.law, configured.estimator)
     return Driven(scenario, kind(), most_grip(world.track, scenario))
 
 
@@ -207,5 +194,7 @@ def kind_of(row: Mapping[str, str]) -> str:
         return "refused"
     off_goal = float(row["off_goal_m"])
     if math.isnan(off_goal):
+        off_goal = float(row["final_error_m"])
+    if math.isnan(off_goal):
         return "held"
-    return "short" if off_goal > SHORT_M else "kept"
+    return "short" if off_goal > SHORT_M or row["outcome"] == "stays" else "kept"

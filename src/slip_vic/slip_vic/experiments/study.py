@@ -1,93 +1,59 @@
-"""What ``slip-vic study`` and ``slip-vic merge`` do: worlds under laws into a folder, with tables and a picture."""
+"""What the commands of experiments do with a folder: make its rows, and show them as a table and a picture."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Final, NamedTuple
 
 from rich.console import Console
 
-from slip_vic.experiments.contents import Contents, gather
 from slip_vic.experiments.engines import EngineName
-from slip_vic.experiments.rows import Asked, Plan, RowFile, key_of, merged
-from slip_vic.experiments.runner import fill
-from slip_vic.experiments.tables import summary_tables, write_picture
-from slip_vic.run.prepare import prepare
-
-FILE: Final = "study.csv"
+from slip_vic.experiments.rows import FILE, Row, RowFile, Task, joined
+from slip_vic.experiments.runner import Done, fill
+from slip_vic.experiments.tables import tables_of, write_picture
+from slip_vic.experiments.world import World
 
 
-class Done(NamedTuple):
-    """One line on what was done, and one on every run that did not end well."""
-
-    line: str
-    bad: tuple[str, ...]
+def tasks_of(worlds: Sequence[World], laws: Sequence[str]) -> list[Task]:
+    """Return the runs, each once; all laws of a world one after the other."""
+    return list(dict.fromkeys(Task(world, law) for world in worlds for law in laws))
 
 
-def run_study(asked: Sequence[Asked], out: Path, engine: EngineName, jobs: int, *, check: bool = True) -> Done:
-    """Make the runs that a folder does not have yet.
-
-    Args:
-        asked: worlds and laws.
-        out: the folder.
-        engine: where, with so many `jobs`.
-        check: whether a world of each scenario is checked first: what does not fit ends the study before it begins.
-
-    Raises:
-        InputError: an unknown name, a bad override, a folder that is in use or holds another study, no cluster.
-        MixedVersions: a worker has other versions.
-    """
-    worlds = list(dict.fromkeys(world for one in asked for world in one.worlds))
-    contents = gather_of(asked)
-    prepare()  # here, before workers that start together all begin to
-    if check:
-        for world in {world.scenario: world for world in reversed(worlds)}.values():
-            world.load("classical", texts=contents.texts).check()
-    plan = Plan(contents.made_of, tuple(asked))
-    with RowFile(out / FILE, plan) as file:
-        tasks = Plan({}, tuple(asked)).tasks()
-        there, deaths = fill(file, "study", tasks, contents, engine, jobs)
-        picture = _show(file)
-        rows = file.rows()
-    died = f"; {deaths} workers died" if deaths else ""
-    keys = {task.key for task in tasks}
-    bad = [row for row in rows if row["outcome"] != "ok" and key_of(row) in keys]
-    return Done(
-        f"{there} of {len(tasks)} runs were there already{died}; {file.path}, {picture}",
-        tuple(f"{' '.join(filter(None, key_of(row)[:-1]))}: {row['outcome']}, {row['reason']}" for row in bad),
-    )
+def run_study(
+    tasks: Sequence[Task], out: Path, engine: EngineName, jobs: int, more: Mapping[str, str] | None = None
+) -> Done:
+    """Make the runs that a folder does not have yet, and show all that were asked for; see `runner.fill`."""
+    done = fill(out / FILE, out.name, tasks, engine, jobs, more)
+    show(done.rows, out)
+    return done
 
 
-def gather_of(asked: Sequence[Asked]) -> Contents:
-    """Return what the runs share: the texts of their files, and versions."""
-    worlds = [world for one in asked for world in one.worlds]
-    urdfs = [one for world in worlds for one in world.settings if "robot_description_file=" in one]
-    scenarios = dict.fromkeys(world.scenario for world in worlds)
-    return gather(scenarios, dict.fromkeys(world.sensor for world in worlds), tuple(dict.fromkeys(urdfs)))
-
-
-def resume(out: Path, engine: EngineName, jobs: int) -> Done:
-    """Continue everything that a folder was asked for; see `run_study`."""
-    return run_study(Plan.read((out / FILE).with_suffix(".json")).asked, out, engine, jobs)
-
-
-def merge_studies(folders: Sequence[Path], out: Path) -> str:
-    """Put studies into one folder; return one line on what is there and what is not.
+def merge(folders: Sequence[Path], out: Path) -> int:
+    """Put the rows of several folders into one, and show them; return how many there are.
 
     Raises:
-        InputError: they do not fit together.
+        InputError: they do not fit together, see `joined`.
     """
-    with merged([folder / FILE for folder in folders], out / FILE) as file:
-        picture = _show(file)
-        wanted = {task.key for task in file.plan.tasks()}
-        missing = len(wanted - file.done())
-        return f"{len(file.rows())} rows, {missing} of {len(wanted)} runs are missing; {file.path}, {picture}"
+    rows, made_of = joined([*folders, *([out] if (out / FILE).exists() else [])])
+    with RowFile(out / FILE, made_of) as file:
+        file.put(rows)
+    show(rows, out)
+    return len(rows)
 
 
-def _show(file: RowFile) -> Path:
-    rows = file.rows()
-    picture = file.path.with_suffix(".png")
-    write_picture(picture, rows)
-    Console().print(*summary_tables(rows), sep="\n")
-    return picture
+def show(rows: Sequence[Row], out: Path) -> None:
+    """Print the tables of some rows, and write their picture, ``rows.png``."""
+    if not rows:
+        return
+    write_picture((out / FILE).with_suffix(".png"), rows)
+    Console().print(*tables_of(rows), sep="\n")
+
+
+def bad_ones(rows: Sequence[Row]) -> list[str]:
+    """Return a line on every run that did not end well."""
+    names = ("set", "world", "law", "scenario", "sensor", "drive", "motion", "mismatch")
+    return [
+        f"{' '.join(row[name] for name in names if row[name])}: {row['outcome']}, {row['reason']}"
+        for row in rows
+        if row["outcome"] != "ok"
+    ]

@@ -1,12 +1,11 @@
-"""Rows of an experiment as tables and as a picture: medians, intervals, worst cases, and laws in equal worlds."""
+"""Rows of an experiment as a table and as a picture: what became of the worlds, and medians in them."""
 
 from __future__ import annotations
 
 import math
-from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 
 import matplotlib as mpl
 
@@ -14,147 +13,154 @@ mpl.use("Agg")
 
 import matplotlib.pyplot as plt  # the backend must be chosen first: no display is needed
 import numpy as np
+from matplotlib.patches import Patch
 from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
+from slip_core.arrays import Array
 from slip_vic.experiments.rows import Row
 from slip_vic.experiments.run import kind_of
-from slip_vic.experiments.statistics import CONFIDENCE, clopper_pearson
-from slip_vic.experiments.world import NO_MISMATCH
+from slip_vic.experiments.statistics import clopper_pearson
 
-RESAMPLES: Final = 2000
-COLOURS: Final = {"classical": "#c44e52", "vic": "#1f6fb2", "governed": "#55a868"}
-OTHERS: Final = ("#dd8452", "#8172b3", "#937860", "#da8bc3", "#8c8c8c", "#ccb974", "#64b5cd")
-SHOWN: Final = (("slip_linear_m", 1e3, "slip [mm]"), ("off_goal_m", 1e3, "off the goal [mm]"))
-DRAWN: Final = (*SHOWN, ("attitude_excursion_rad", 1.0, "attitude [rad]"))
-"""What the picture has."""
+GROUPS: Final = ("scenario", "track", "arms", "drive", "mismatch", "sensor")
+"""What a study tells apart, beside the laws."""
+OF_SETS: Final = ("track", "arms")
+"""What other sets tell apart: each of their worlds is of a kind of its own."""
+SHOWN: Final = (
+    ("slip_path_m", 1e3, "slip [mm]"), ("arrival_s", 1.0, "arrives [s]"), ("squeeze_peak_n", 1.0, "peak [N]"),
+    ("squeeze_mean_n", 1.0, "mean [N]"),
+)  # fmt: skip
+"""Medians; where an object is not carried, slip and arrival are infinite."""
+DRAWN: Final = (("slip_path_m", 1e3, "slip path [mm]"), ("arrival_s", 1.0, "arrival [s]"))
+QUARTILES: Final = (0.25, 0.5, 0.75)
+OUTCOMES: Final = {
+    "arrived": "#2a7f62", "late": "#9ccfb8", "short": "#e9c46a", "held": "#8c8c8c", "refused": "#4f4f4f",
+    "lost": "#c8553d",
+}  # fmt: skip
+"""What becomes of a world, with its colour in the picture. late: carried to the goal, but not within its tolerance."""
 BASE: Final = "classical"
 """Law that others are compared with in equal worlds."""
-WORSE_M: Final = 5e-4
-"""Slip by which a law may exceed `BASE` before it counts as worse."""
+NOTHING: Final = 1e-6
+"""What the table shows as 0."""
 
 
-class Spread(NamedTuple):
-    """Median with its confidence interval, and the worst value."""
-
-    median: float
-    low: float
-    high: float
-    worst: float
-
-
-def spread(values: Sequence[float]) -> Spread:
-    """Return the spread of some values; the interval is a percentile bootstrap of the median, seeded."""
-    data = np.asarray(values, dtype=float)
-    if data.size == 0:
-        return Spread(np.nan, np.nan, np.nan, np.nan)
-    rng = np.random.default_rng(0)
-    medians = np.median(rng.choice(data, (RESAMPLES, data.size)), axis=1)
-    low, high = np.quantile(medians, (0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2))
-    return Spread(float(np.median(data)), float(low), float(high), float(data.max()))
+def outcome_of(row: Row) -> str:
+    """Return which of `OUTCOMES` a row is."""
+    kind = kind_of(row)
+    if kind != "kept":
+        return kind
+    return "arrived" if math.isfinite(float(row["arrival_s"])) else "late"
 
 
-def numbers(rows: Sequence[Row], metric: str) -> list[float]:
-    """Return a metric of the rows that have it; runs that diverged are counted with what they had reached."""
-    return [value for row in rows if np.isfinite(value := float(row[metric]))]
-
-
-def summary_tables(rows: Sequence[Row]) -> Iterator[Table]:
-    """Yield a table for each scenario: what became of each drive, mismatch, sensor and law; of drawn worlds, each law.
-
-    In 80 columns. The share of lost runs has bounds, by Clopper and Pearson, where there are many.
-    """
-    scenarios: dict[str, list[Row]] = {}
+def grouped(rows: Sequence[Row]) -> dict[tuple[str, ...], list[Row]]:
+    """Return the rows of each line, by what tells it apart: law last."""
+    names = _columns(rows)
+    groups: dict[tuple[str, ...], list[Row]] = {}
     for row in rows:
-        scenarios.setdefault("all scenarios" if _drawn(row) else row["scenario"], []).append(row)
+        groups.setdefault(tuple(row[name] for name in names), []).append(row)
+    return groups
+
+
+def _columns(rows: Sequence[Row]) -> list[str]:
+    return [*(GROUPS if all(row["set"] == "study" for row in rows) else OF_SETS), "law"]
+
+
+def lines_of(rows: Sequence[Row]) -> Iterator[dict[str, str]]:
+    """Yield the cells of each line of the table by their column."""
     base = {_world(row): row for row in rows if row["law"] == BASE}
-    for scenario, members in scenarios.items():
-        keys = [
-            key for key in ("drive", "mismatch", "sensor")
-            if not _drawn(members[0]) and len({row[key] for row in members}) > 1
-        ]  # fmt: skip
-        groups: dict[tuple[str, ...], list[Row]] = {}
-        for row in members:
-            groups.setdefault((*(row[key] for key in keys), row["law"]), []).append(row)
-        compared = _drawn(members[0]) and bool(base)
-        table = Table(title=f"{scenario}: median / worst of each row's runs", box=SIMPLE_HEAD)
-        for name in (*keys, "law", "kept"):
-            table.add_column(name, no_wrap=True)
-        for label in ("lost", *(label for _, _, label in SHOWN), *([f"worse than {BASE}"] if compared else [])):
-            table.add_column(escape(label), justify="right")
-        for key, group in groups.items():
-            kinds = [kind_of(row) for row in group]
-            spreads = [spread([scale * value for value in numbers(group, metric)]) for metric, scale, _ in SHOWN]
-            cells = [f"{short(s.median)} / {short(s.worst)}" for s in spreads]
-            cells += [_worse(group, base)] if compared else []
-            table.add_row(*key, f"{kinds.count('kept')}/{len(group)}", _lost(kinds), *cells)
-        yield table
-
-
-def _drawn(row: Row) -> bool:
-    return row["set"].startswith("drawn")
+    for key, group in grouped(rows).items():
+        found = [outcome_of(row) for row in group]
+        count = found.count
+        line = dict(zip(_columns(rows), key, strict=True))
+        line |= {"carried": f"{count('arrived') + count('late')}/{len(group)}", "lost": _lost(group)}
+        line |= {name: str(count(name)) for name in ("short", "late", "held", "refused")}
+        line |= {label: cell(median(values_of(group, metric) * scale)) for metric, scale, label in SHOWN}
+        if base:
+            pairs = [(kind_of(base[_world(row)]), kind_of(row)) for row in group if _world(row) in base]
+            alone = sum(before != "lost" and now == "lost" for before, now in pairs)
+            line["lost alone"] = f"{alone}/{len(pairs)}"
+        yield line
 
 
 def _world(row: Row) -> tuple[str, ...]:
-    return (row["set"], row["world"], row["scenario"], row["sensor"], row["digest"])
+    return (row["set"], row["world"], row["scenario"], row["sensor"], row["digest"], row["track"])
 
 
-def _lost(kinds: Sequence[str]) -> str:
-    count, total = kinds.count("lost"), len(kinds)
+def _lost(group: Sequence[Row]) -> str:
+    count, total = [kind_of(row) for row in group].count("lost"), len(group)
     low, high = clopper_pearson(count, total)
     return f"{count} ({100.0 * low:.0f}-{100.0 * high:.0f} %)" if total >= 20 else str(count)
 
 
-def _worse(group: Sequence[Row], base: Mapping[tuple[str, ...], Row]) -> str:
-    """Return in how many worlds a law loses what the base keeps, or slips more by WORSE_M."""
-    pairs = [(base[_world(row)], row) for row in group if _world(row) in base]
-    worse = sum(
-        kind_of(before) != "lost"
-        and (kind_of(row) == "lost" or float(row["slip_linear_m"]) > float(before["slip_linear_m"]) + WORSE_M)
-        for before, row in pairs
-    )
-    return f"{worse}/{len(pairs)}"
+def values_of(rows: Sequence[Row], metric: str) -> Array:
+    """Return a metric of some rows; infinite where the object is not carried, or where there is no number."""
+    values = np.array([float(row[metric]) for row in rows])
+    carried = np.array([kind_of(row) == "kept" for row in rows])
+    return np.where(np.isfinite(values) & (carried | metric.startswith("squeeze")), values, math.inf)
 
 
-def short(value: float) -> str:
-    """Return a number as the tables have it."""
-    return "-" if math.isnan(value) else f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.2f}"
+def median(values: Array) -> float:
+    """Return the median of numbers some of which are infinite: one of them, the upper of two in the middle."""
+    return float(np.quantile(values, 0.5, method="higher"))
+
+
+def cell(value: float) -> str:
+    """Return a number with three digits."""
+    return ("0" if abs(value) < NOTHING else f"{value:.3g}") if math.isfinite(value) else "inf"
+
+
+def tables_of(rows: Sequence[Row]) -> Iterator[Table]:
+    """Yield a table of each scenario, track and number of arms; lost runs with exact bounds.
+
+    Columns that tell nothing apart, and outcomes that no run has, are left out.
+    """
+    tables: dict[str, list[dict[str, str]]] = {}
+    for line in lines_of(rows):
+        title = ", ".join(filter(None, (line.get("scenario"), line["track"], f"arms: {line['arms']}")))
+        tables.setdefault(title, []).append(line)
+    for title, lines in tables.items():
+        told = {name: {line[name] for line in lines} for name in lines[0]}
+        wanted = [name for name in told if len(told[name]) > 1 or not (name in GROUPS or name.endswith("[N]"))]
+        wanted = [name for name in wanted if name not in ("short", "late", "held", "refused") or told[name] != {"0"}]
+        shown = Table(title=f"{title}; medians, what is not carried counts as infinite", box=SIMPLE_HEAD)
+        shown.collapse_padding, shown.pad_edge = True, False
+        for name in wanted:
+            names, head = name in (*GROUPS, "law"), escape(name).replace(" ", "\n")
+            shown.add_column(head, justify="left" if names else "right", no_wrap=name != "law", overflow="fold")
+        for line in lines:
+            shown.add_row(*(escape(line[name]) for name in wanted))
+        yield shown
 
 
 def write_picture(path: Path, rows: Sequence[Row]) -> None:
-    """Write slip, distance from the goal and attitude per sensor and law.
-
-    Bars are medians, lines their intervals, dots the worst.
-    """
-    sides = [("no mismatch", [row for row in rows if row["mismatch"] == NO_MISMATCH])]
-    wrong = [row for row in rows if row["mismatch"] != NO_MISMATCH]
-    if wrong:
-        sides.append(("every mismatch", wrong))
-    sensors, labels = (list(dict.fromkeys(row[name] for row in rows)) for name in ("sensor", "law"))
-    figure, axes = plt.subplots(
-        len(DRAWN), len(sides), figsize=(4.0 + 1.4 * len(sensors) * len(sides), 11.0), squeeze=False,
-        constrained_layout=True,
-    )  # fmt: skip
-    for column, (title, members) in enumerate(sides):
-        own: defaultdict[tuple[str, str], list[Row]] = defaultdict(list)
-        for row in members:
-            own[row["sensor"], row["law"]].append(row)
-        for line, (metric, scale, title_of) in enumerate(DRAWN):
-            axis = axes[line, column]
-            for k, label in enumerate(labels):
-                spreads = [spread([scale * v for v in numbers(own[sensor, label], metric)]) for sensor in sensors]
-                x = np.arange(len(sensors)) + 0.8 * (k - 0.5 * (len(labels) - 1)) / len(labels)
-                median = np.array([s.median for s in spreads])
-                reach = np.array([[s.median - s.low for s in spreads], [s.high - s.median for s in spreads]])
-                colour = COLOURS.get(label) or OTHERS[k % len(OTHERS)]
-                axis.bar(x, median, 0.75 / len(labels), yerr=np.abs(reach), color=colour, label=label, capsize=3)
-                axis.plot(x, [s.worst for s in spreads], ".", color="black", markersize=5)
-            axis.set_yscale("symlog", linthresh=0.1)
-            axis.set_ylabel(title_of)
-            axis.set_xticks(range(len(sensors)), sensors, rotation=15)
-            axis.grid(axis="y", alpha=0.3)
-        axes[0, column].set_title(f"{title} (dots: worst case)")
-    axes[0, 0].legend()
-    figure.savefig(path, dpi=110)
+    """Write what became of the worlds of each line, and slip and arrival of what was carried: medians and quartiles."""
+    groups = grouped(rows)
+    told = [len(set(column)) > 1 for column in zip(*groups, strict=True)]
+    figure, (bars, *axes) = plt.subplots(
+        1, 3, sharey=True, figsize=(14.0, 2.0 + 0.35 * len(groups)), constrained_layout=True
+    )
+    for k, group in enumerate(groups.values()):
+        left, found = 0, [outcome_of(row) for row in group]
+        for outcome, colour in OUTCOMES.items():
+            bars.barh(k, found.count(outcome), left=left, color=colour)
+            left += found.count(outcome)
+        for axis, (metric, scale, _) in zip(axes, DRAWN, strict=True):
+            values = values_of(group, metric)
+            values = scale * values[np.isfinite(values)]
+            if len(values):
+                low, middle, high = np.quantile(values, QUARTILES)
+                axis.errorbar([middle], [k], xerr=[[middle - low], [high - middle]], fmt="o", color="#1f6fb2", ms=5)
+    labels = [" ".join(text for text, apart in zip(key, told, strict=True) if apart) or key[-1] for key in groups]
+    bars.set_yticks(range(len(groups)), labels)
+    bars.invert_yaxis()
+    bars.set(xlabel="runs")
+    handles = [Patch(color=colour) for colour in OUTCOMES.values()]
+    figure.legend(handles, OUTCOMES, ncols=len(OUTCOMES), loc="outside upper center", frameon=False)
+    axes[0].set_xscale("symlog", linthresh=0.1)
+    axes[0].set_xlim(left=-0.01)
+    for axis, (_, _, label) in zip(axes, DRAWN, strict=True):
+        axis.set(xlabel=f"{label}, where carried")
+        axis.grid(axis="x", alpha=0.3)
+    figure.savefig(path, dpi=80)
     plt.close(figure)

@@ -6,12 +6,12 @@ import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
-from typing import Any, Final, Literal, Self
+from typing import Any, Final, Literal
 
 from slip_core.errors import UnknownName
 from slip_core.files.plain_yaml import read_yaml
 from slip_vic.run.versions import digest
-from slip_vic.scenarios.scenario import NO_TEXTS, Estimator, Law, Scenario, Texts, cut_or_extend, load_scenario
+from slip_vic.scenarios.scenario import Estimator, Law, Scenario, cut_or_extend, load_scenario
 
 Track = Literal["", "capped", "free"]
 """Tracks of the benchmark. capped: the object would break, the squeeze is at most what the scenario has. free: what the
@@ -51,20 +51,13 @@ class World:
     track: Track = ""
     frozen: str = ""
 
-    @classmethod
-    def read(cls, values: Mapping[str, Any]) -> Self:
-        """Return a world from its fields as JSON or a table has them."""
-        return cls(**{**values, "settings": tuple(values["settings"])})
-
     @property
     def digest(self) -> str:
         """Digest of everything that a run depends on; of a published set the one that it was published with."""
         parts = (self.scenario, self.sensor, str(self.seed), *self.settings)
         return self.frozen or digest(part.encode() for part in parts)
 
-    def load(
-        self, law: Law, estimator: Estimator | None = None, more: Sequence[str] = (), texts: Texts = NO_TEXTS
-    ) -> Scenario:
+    def load(self, law: Law, estimator: Estimator | None = None, more: Sequence[str] = ()) -> Scenario:
         """Return the scenario with a law of the controller; `more` are further assignments.
 
         Raises:
@@ -77,7 +70,6 @@ class World:
             seed=self.seed,
             estimator=estimator if self.sensor else None,
             assignments=(*self.settings, *more),
-            texts=texts,
         )
 
 
@@ -88,7 +80,6 @@ def combined(
     seeds: Iterable[int],
     drives: Mapping[str, Sequence[str]],
     assignments: Sequence[str] = (),
-    texts: Texts = NO_TEXTS,
 ) -> list[World]:
     """Return every combination; the seed runs slowest, so that a study that is stopped early has all kinds of worlds.
 
@@ -97,14 +88,13 @@ def combined(
         seeds: of the sensors' noise.
         drives: settings of each drive by its name, "" for that of the scenario.
         assignments: of every world, behind those of its drive.
-        texts: contents of files that are not opened.
 
     Raises:
         InputError: an unknown name, a bad assignment.
     """
     check_mismatches(mismatches)
     known = {
-        (scenario, drive): load_scenario(scenario, assignments=(*settings, *assignments), texts=texts)
+        (scenario, drive): load_scenario(scenario, assignments=(*settings, *assignments))
         for scenario in scenarios
         for drive, settings in drives.items()
     }
@@ -187,4 +177,4 @@ def frozen_worlds(rows: Iterable[Mapping[str, Any]]) -> list[World]:
     """Return worlds that were stored as data, in today's names of parameters (renamed.yaml)."""
     text = resources.files("slip_vic.experiments").joinpath("renamed.yaml").read_text(encoding="utf-8")
     table = read_yaml(text) or {}
-    return [World.read({**row, "settings": renamed(row["settings"], table)}) for row in rows]
+    return [World(**{**row, "settings": renamed(row["settings"], table)}) for row in rows]

@@ -1,27 +1,24 @@
-"""Worker processes of this machine: one executor for each, so that the death of one leaves the others alone."""
+"""Worker processes of this machine, each with a pipe of its own: the death of one leaves the others alone."""
 
 from __future__ import annotations
 
 import contextlib
 import multiprocessing
-import multiprocessing.connection
 import os
 import signal
-import threading
-from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import resource_tracker
-from typing import Any, Self
+import traceback
+from collections.abc import Callable
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+from typing import Any
 
-from slip_vic.experiments.engines import DEATHS, Died, Result, Shared, Task
+from slip_vic.experiments.engines import Died, Engine
 
 # Linear algebra is 6x6 here: threads of their own would only fight the other workers.
 _SINGLE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 
-class PoolEngine:
+class PoolEngine(Engine):
     """See `Engine`.
 
     Args:
@@ -29,98 +26,71 @@ class PoolEngine:
     """
 
     def __init__(self, jobs: int) -> None:
+        super().__init__()
         os.environ.update(_SINGLE_THREAD)
-        self.deaths = 0
-        self._idle = [_worker() for _ in range(jobs)]
-        self._busy: dict[Future[Any], ProcessPoolExecutor] = {}
+        self._jobs = jobs
+        self._processes: dict[Connection, BaseProcess] = {}
+        self._idle: list[Connection] = []
+        self._busy: dict[Connection, Any] = {}
 
-    def __enter__(self) -> Self:
-        return self
+    def __exit__(self, *_: object) -> None:
+        for process in self._processes.values():
+            process.terminate()
+        for process in self._processes.values():
+            process.join()
 
-    def __exit__(self, kind: object, error: object, trace: object) -> None:
+    def _has_room(self) -> bool:
+        return len(self._busy) < self._jobs
+
+    def _begin(self, call: Callable[[Any, Any], Any], shared: Any, task: Any) -> None:
+        pipe = self._idle.pop() if self._idle else self._worker()
+        self._busy[pipe] = task
+        with contextlib.suppress(BrokenPipeError):  # it died while it waited: `_next` finds that out
+            pipe.send((call, shared, task))
+
+    def _next(self) -> tuple[Any, Any]:
+        pipe = wait(list(self._busy))[0]
+        assert isinstance(pipe, Connection)
+        task = self._busy.pop(pipe)
+        try:
+            result, error = pipe.recv()
+        except (EOFError, ConnectionResetError):
+            return task, Died(self._end_of(pipe))
+        self._idle.append(pipe)
         if error is not None:
-            _end_children()
-        # Not to wait lets the interpreter's end race with the executors' own threads, which ended some studies with a
-        # traceback behind their table. Without an error none has a task, with one none has a process.
-        for worker in (*self._idle, *self._busy.values()):
-            worker.shutdown(cancel_futures=True)
+            raise error
+        return task, result
 
-    def run(
-        self, call: Callable[[Shared, Task], Result], shared: Shared, tasks: Iterable[Task]
-    ) -> Iterator[tuple[Task, Result | Died]]:
-        """See `Engine`."""
-        waiting, again = iter(tasks), list[Task]()
-        killed = Counter[Task]()
-        task_of: dict[Future[Result], Task] = {}
-        while True:
-            while self._idle and (task := again.pop() if again else next(waiting, None)) is not None:
-                task_of[self._submit(call, shared, task)] = task
-            if not task_of:
-                return
-            done, _ = wait(task_of, return_when=FIRST_COMPLETED)
-            for future in done:
-                task, worker = task_of.pop(future), self._busy.pop(future)
-                try:
-                    result = future.result()
-                except BrokenProcessPool:
-                    self._replace(worker)
-                    killed[task] += 1
-                    if killed[task] < DEATHS:
-                        again.append(task)
-                    else:
-                        yield task, Died(f"its process died {DEATHS} times")
-                else:
-                    self._idle.append(worker)
-                    yield task, result
+    def _end_of(self, pipe: Connection) -> str:
+        """Return how a worker died."""
+        process = self._processes.pop(pipe)
+        process.join()
+        code = process.exitcode or 0
+        return f"process {process.pid} by {signal.Signals(-code).name if code < 0 else f'exit code {code}'}"
 
-    def _submit(self, call: Callable[[Shared, Task], Result], shared: Shared, task: Task) -> Future[Result]:
-        """Give a task to a worker that waits; one that died while it waited is replaced."""
+    def _worker(self) -> Connection:
+        context = multiprocessing.get_context("spawn")
+        ours, its = context.Pipe()
+        process = context.Process(target=_work, args=(its,), daemon=True)
+        before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # which it inherits: Ctrl-C is left to this process
+        try:
+            process.start()
+        finally:
+            signal.signal(signal.SIGINT, before)
+        its.close()
+        self._processes[ours] = process
+        return ours
+
+
+def _work(pipe: Connection) -> None:
+    """Run tasks until the other end of the pipe closes, as it does where that process is killed."""
+    with contextlib.suppress(EOFError, OSError):
         while True:
-            worker = self._idle.pop()
+            call, shared, task = pipe.recv()
+            answer: tuple[Any, Exception | None]
             try:
-                with _interrupts_later():
-                    future = worker.submit(call, shared, task)
-            except BrokenProcessPool:
-                self._replace(worker)
-            else:
-                self._busy[future] = worker
-                return future
-
-    def _replace(self, worker: ProcessPoolExecutor) -> None:
-        worker.shutdown(wait=False)
-        self.deaths += 1
-        self._idle.append(_worker())
-
-
-def _worker() -> ProcessPoolExecutor:
-    return ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn"), initializer=_begin)
-
-
-@contextlib.contextmanager
-def _interrupts_later() -> Iterator[None]:
-    """Hold SIGINT back while processes are started: they inherit the mask, so that Ctrl-C is left to this one."""
-    resource_tracker.ensure_running()  # it would lift the mask
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT,))
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def _end_children() -> None:
-    """End the worker processes: who waits for their executors would wait until their cases are done."""
-    for child in multiprocessing.active_children():
-        child.terminate()
-
-
-def _begin() -> None:
-    """Leave Ctrl-C to the parent, and end with it even where it is killed: a queue alone would wait without end."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-    multiprocessing.connection.wait([parent.sentinel])
-    os._exit(1)
+                answer = call(shared, task), None
+            except Exception as error:  # raised in the process that sent the task
+                error.add_note(traceback.format_exc())
+                answer = None, error
+            pipe.send(answer)

@@ -1,0 +1,53 @@
+"""What rows are made of, by name; workers that run something else; progress."""
+
+from __future__ import annotations
+
+import io
+import pickle
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from slip_vic.experiments.rows import Task
+from slip_vic.experiments.runner import MixedVersions, _scenario, check_versions, made_of
+from slip_vic.experiments.world import World
+from slip_vic.run.progress import progress
+from slip_vic.run.versions import versions
+from slip_vic.scenarios import scenario_text
+
+
+def test_rows_are_made_of_files_and_laws(tmp_path: Path) -> None:
+    own = tmp_path / "task.yaml"
+    digests = []
+    for text in (scenario_text("paper_planar"), scenario_text("paper_planar") + "\n# another line\n"):
+        own.write_text(text)
+        _scenario.cache_clear()
+        found = made_of([Task(World(str(own), "ideal"), "fixed_grip?factor=2"), Task(World("paper_planar"), "vic")])
+        assert set(found) - set(versions()) == {
+            f"scenario {own}", "scenario paper_planar", "sensor ideal", "law fixed_grip?factor=2"
+        }  # fmt: skip
+        digests.append(found[f"scenario {own}"])
+    assert digests[0] != digests[1]
+
+
+def test_a_worker_with_other_versions_is_named() -> None:
+    check_versions(versions(), versions())
+    with pytest.raises(MixedVersions, match=r"mujoco .* expected 0\.1"):
+        check_versions({**versions(), "mujoco": "0.1"}, versions())
+    error = pickle.loads(pickle.dumps(MixedVersions("worker on a: got b")))  # as it comes back from a worker
+    assert str(error) == "worker on a: got b"
+
+
+def test_progress_without_a_terminal_is_lines() -> None:
+    now = [0.0]
+    written = io.StringIO()
+    with progress("study", 100, 40, Console(file=written, get_time=lambda: now[0])) as report:
+        for done in range(41, 101):
+            now[0] += 0.5
+            report(done, "1 workers died" if done > 90 else "")
+    assert written.getvalue().splitlines() == [
+        "study: 60 of 100 done, 2 per second, about 20 s left",
+        "study: 80 of 100 done, 2 per second, about 10 s left",
+        "study: 100 of 100 done, 1 workers died",
+    ]
