@@ -41,13 +41,13 @@ class DrivePreset(Preset):
 Kind = TypeVar("Kind", bound=Preset)
 
 
-def load_sensor(name_or_path: str, text: str | None = None) -> SensorPreset:
-    """Read a sensor by name or from a YAML file of the same form; with its `text` nothing is opened.
+def load_sensor(name_or_path: str) -> SensorPreset:
+    """Read a sensor by name or from a YAML file of the same form.
 
     Raises:
         InputError: unknown name (nearest offered), or a file that does not fit.
     """
-    return _load(SensorPreset, "sensor", name_or_path, text)
+    return _load(SensorPreset, "sensor", name_or_path)
 
 
 def load_drive(name_or_path: str) -> DrivePreset:
@@ -55,6 +55,6 @@ def load_drive(name_or_path: str) -> DrivePreset:
     return _load(DrivePreset, "drive", name_or_path)
 
 
-def _load(model: type[Kind], kind: str, name_or_path: str, text: str | None = None) -> Kind:
-    content = read_yaml(preset_text(f"{kind}s", name_or_path) if text is None else text)
+def _load(model: type[Kind], kind: str, name_or_path: str) -> Kind:
+    content = read_yaml(preset_text(f"{kind}s", name_or_path))
     return validate(model, content, f"{kind} {name_or_path}")

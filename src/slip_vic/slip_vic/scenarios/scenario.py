@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final, Literal, get_args
@@ -272,21 +272,6 @@ class Scenario:
         return remarks
 
 
-@dataclass(frozen=True, slots=True)
-class Texts:
-    """Contents of files by the name under which they are asked for: what stands here is not opened.
-
-    So a run can be made on a machine that has none of these files.
-    """
-
-    scenarios: Mapping[str, str] = field(default_factory=dict)
-    sensors: Mapping[str, str] = field(default_factory=dict)
-    urdfs: Mapping[str, str] = field(default_factory=dict)
-
-
-NO_TEXTS = Texts()
-
-
 def load_scenario(
     name_or_path: str,
     *,
@@ -298,7 +283,6 @@ def load_scenario(
     sensor: str = "",
     drive: str = "",
     estimator: Estimator | None = None,
-    texts: Texts = NO_TEXTS,
     parameters: Mapping[str, Any] = MappingProxyType({}),
 ) -> Scenario:
     """Read a scenario by name or path and apply ``--set`` assignments.
@@ -307,13 +291,12 @@ def load_scenario(
     without prefix, one that both nodes share (``object.mass=0.6``). Real time brings `BOUNDED`. A
     `sensor` (name or file) gives both nodes what a slip sensor is, and the controller settings that suit it, `drive`
     what the arm's drives and encoders are;
-    `parameters` of the controller, `estimator` and assignments come after it, in this order. Files whose contents stand
-    in `texts` are not opened.
+    `parameters` of the controller, `estimator` and assignments come after it, in this order.
 
     Raises:
         InputError: unknown scenario, unknown parameter (nearest names offered), bad value, unreadable URDF.
     """
-    text, origin = read_scenario(name_or_path, texts)
+    text, origin = scenario_text(name_or_path), f"scenario {name_or_path}"
     outer = validate(ScenarioFile, read_yaml(text), origin)
     values = {name: _values(outer, name) for name in outer.arms or (ONE_ARM,)}
     mismatch = dict(outer.mismatch.model_dump())
@@ -329,7 +312,7 @@ def load_scenario(
         if mode == "realtime":
             own["controller"] |= BOUNDED
         if sensor:
-            apply_sensor(own, load_sensor(sensor, texts.sensors.get(sensor)))
+            apply_sensor(own, load_sensor(sensor))
         if drive:
             apply_drive(own, load_drive(drive))
         if law == "printed":
@@ -341,7 +324,7 @@ def load_scenario(
         _tell_friction(own, origin)
     for assignment in assignments:
         _assign(values, mismatch, *parse_assignment(assignment))
-    return _made(outer, text, law, values, build(Mismatch, mismatch, f"{origin}: mismatch"), texts, origin)
+    return _made(outer, text, law, values, build(Mismatch, mismatch, f"{origin}: mismatch"), origin)
 
 
 def law_settings(law: Law, arms: int) -> dict[str, Any]:
@@ -368,7 +351,6 @@ def _made(
     law: Law,
     values: dict[str, NodeValues],
     wrong: Mismatch,
-    texts: Texts,
     origin: str,
 ) -> Scenario:
     """Return the scenario of these values, with the mismatch in the world alone."""
@@ -384,9 +366,7 @@ def _made(
             own["bridge"]["sensors.wrench.silent"] = True  # nor does anybody wait for it
         params = build(BridgeParams, own["bridge"], f"{called}: bridge")
         file = params.robot_description_file
-        urdfs[name] = (
-            params.robot_description or texts.urdfs.get(file) or read_urdf(file, "parameter robot_description_file")
-        )
+        urdfs[name] = params.robot_description or read_urdf(file, "parameter robot_description_file")
         placed[name] = on_base(urdfs[name], params.base)
         bridges[name] = _mismatched(params, wrong, last=last)
     return Scenario(outer.name, outer.description, text, law, controllers, bridges, urdfs, placed)
@@ -527,16 +507,6 @@ def _find_arm(values: NodeValues, name_or_path: str) -> None:
         file = str(node.get("robot_description_file", ""))
         if file and not file.startswith("package://"):
             node["robot_description_file"] = str(Path(name_or_path).parent / file)
-
-
-def read_scenario(name_or_path: str, texts: Texts = NO_TEXTS) -> tuple[str, str]:
-    """Return the text of a scenario and what to call it in messages.
-
-    Raises:
-        InputError: unknown scenario, or a file that cannot be read.
-    """
-    text = texts.scenarios.get(name_or_path)
-    return scenario_text(name_or_path) if text is None else text, f"scenario {name_or_path}"
 
 
 def _values(outer: ScenarioFile, arm: str) -> NodeValues:

@@ -15,9 +15,10 @@ from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.files.plain_yaml import read_yaml
 from slip_core.files.urdf import NO_LIMIT, parse_urdf
+from slip_vic.scenarios import scenario_text
 from slip_vic.scenarios.parameter_files import commented_file, write_files
 from slip_vic.scenarios.reach import pad_path
-from slip_vic.scenarios.scenario import NODES, Scenario, load_scenario, read_scenario
+from slip_vic.scenarios.scenario import NODES, Scenario, load_scenario
 from slip_vic.setup.arm.hand import LEAST_JOINTS, Hand, find_hand
 from slip_vic.setup.arm.posture import Start, best_start, postures
 from slip_vic.setup.arm.write_urdf import PAD, arm_urdf
@@ -107,7 +108,7 @@ class Arm:
         return self._content(base, start, scale), start
 
     def _content(self, base: str, start: Start, scale: float) -> dict[str, Any]:
-        text, _ = read_scenario(base)
+        text = scenario_text(base)
         content: dict[str, Any] = read_yaml(text)
         shared, controller, bridge = (content.setdefault(key, {}) for key in ("shared", "controller", "bridge"))
         shared |= {
