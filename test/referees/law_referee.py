@@ -98,7 +98,6 @@ class RefereeInput:
     tau_0: np.ndarray
     previous: np.ndarray = field(default_factory=lambda: np.zeros(3))
     follow_error: np.ndarray = field(default_factory=lambda: np.zeros(6))
-    feed_forward: bool = True
     characteristic_length: float = 1.0
     spin_limit: float = np.inf
     sigma_min: float = 0.0
@@ -132,7 +131,7 @@ def referee_law(given: RefereeInput) -> dict[str, np.ndarray]:
     h_o = sum(G_i @ h_i for G_i, h_i in zip(G, h, strict=True))
     P = G[0].T @ np.linalg.inv(B_o) @ C_o @ np.linalg.inv(G[0].T)
     Phi2 = np.concatenate((np.cross(w_o, np.cross(w_o, r)), np.zeros(3)))
-    a_d = ref.acceleration * given.feed_forward
+    a_d = ref.acceleration
 
     w_ee, w_d = v_ee[3:], ref.twist[3:]
     if given.attitude == "log":

@@ -13,7 +13,7 @@ from slip_core.records import Record, Records, dtype_of, new, place, record
 from slip_vic.law import GIVEN, MEMORY
 from slip_vic_controller.contact.layouts import MOTION
 from slip_vic_controller.law.arm import ARM
-from slip_vic_controller.law.attitude import LOG, RPY
+from slip_vic_controller.law.attitude import Coordinates
 from slip_vic_controller.law.config import LAW_CONFIG
 from slip_vic_controller.law.contact import ContactSample, Slip, integrate_slips
 from slip_vic_controller.law.gains import LAW_GAINS
@@ -146,11 +146,10 @@ class Case:
             gamma_d=g.gamma_d,
             alpha=g.alpha,
             k_s=g.k_s,
-            attitude="rpy" if c.attitude == RPY else "log",
+            attitude="rpy" if c.attitude == Coordinates.RPY else "log",
             tau_0=c.nullspace_stiffness * (self.posture - self.q) - c.nullspace_damping * self.qd,
             previous=self.previous,
             follow_error=self.follow_error,
-            feed_forward=bool(c.feed_forward),
             characteristic_length=g.characteristic_length,
             spin_limit=g.spin_limit,
             sigma_min=c.sigma_min,
@@ -165,13 +164,12 @@ def random_case(
     *,
     joints: int = 7,
     contacts: int = 1,
-    attitude: int = LOG,
+    attitude: int = Coordinates.LOG,
     angle: float | None = None,
     slip: float = 0.01,
     spin_limit: float = math.inf,
     length: float = 1.0,
     observed: bool = False,
-    feed_forward: bool = True,
     slip_axes: Any = None,
     kappa: float = 0.0,
 ) -> Case:
@@ -179,7 +177,7 @@ def random_case(
     rng = np.random.default_rng(seed)
     case = Case(joints, contacts)
     c, g, arm, ref = case.config, case.gains, case.arm, case.reference
-    c.attitude, c.feed_forward = attitude, feed_forward
+    c.attitude = attitude
     c.nullspace_stiffness, c.nullspace_damping = 10.0, 2.0
     # Fewer than six joints are singular at every posture: there the torque needs the damping.
     c.sigma_min, c.most_damping = (0.04 if joints < 6 else 1e-9), 0.3
@@ -211,10 +209,10 @@ def random_case(
     arm.position[:], arm.twist[:] = rng.standard_normal(3), rng.standard_normal(6)
     arm.rotation[:] = turned(rng, rng.uniform(0.0, PI))
     error = turned(rng, rng.uniform(0.0, 2.0) if angle is None else angle)
-    if attitude == RPY:  # away from gimbal lock, where the referee has no answer
+    if attitude == Coordinates.RPY:  # away from gimbal lock, where the referee has no answer
         error = exponential(rng.normal(scale=0.4, size=3))
     ref.position[:] = arm.position + 0.1 * rng.standard_normal(3)
-    ref.rotation[:] = error.T @ arm.rotation if attitude == LOG else arm.rotation @ error.T
+    ref.rotation[:] = error.T @ arm.rotation if attitude == Coordinates.LOG else arm.rotation @ error.T
     ref.twist[:], ref.acceleration[:] = rng.standard_normal((2, 6))
     case.follow_error = rng.standard_normal(6) if observed else np.zeros(6)
     case.previous = rng.standard_normal(3)

@@ -12,7 +12,7 @@ from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.records import Record, Vec3, dtype_of, layout, new, record
 from slip_vic_controller.law.arm import ARM
-from slip_vic_controller.law.attitude import LOG, RPY
+from slip_vic_controller.law.attitude import Coordinates
 from slip_vic_controller.law.config import LAW_CONFIG
 from slip_vic_controller.law.contact import CONTACT_SAMPLE, SLIP
 from slip_vic_controller.law.gains import LAW_GAINS
@@ -153,8 +153,8 @@ def evaluate_law(
         record(new(kind), kind) for kind in (LAW_CONFIG, ARM, JOINT_SAMPLE, MEMORY, GIVEN)
     )
     try:
-        config.joints, config.contacts, config.attitude = n, 1, RPY if attitude == "rpy" else LOG
-        config.feed_forward, config.radius = 1, 1.0
+        config.joints, config.contacts, config.attitude = n, 1, Coordinates[attitude.upper()].value
+        config.radius = 1.0
         config.nullspace_stiffness, config.nullspace_damping = nullspace_stiffness, nullspace_damping
         config.sigma_min, config.most_damping = sigma_min, most_damping
         config.effort_limit[:n] = effort_limit

@@ -308,7 +308,7 @@ def _fill_modes(config: ControllerConfig, params: ControllerParams) -> None:
 
 def _fill_limits(config: ControllerConfig, safety: SafetyParams, robot: Robot, period_s: float) -> None:
     n, limits, motion, drive = len(robot.joint_names), safety.limits, config.motion, config.motion.drive
-    velocity = robot.velocity_limit * limits.velocity_scale
+    velocity = robot.velocity_limit
     motion.near_lower[:n] = robot.position_lower + limits.position_margin
     motion.near_upper[:n] = robot.position_upper - limits.position_margin
     motion.margin, motion.velocity[:n] = limits.position_margin, velocity

@@ -413,7 +413,7 @@ def promise_of(arm: ArmController, period_s: float) -> Promise:
     most: NDArray[np.float64] = arm.robot.effort_limit
     least: NDArray[np.float64] | None = None
     rate: NDArray[np.float64] | float = limits.effort_rate
-    speed = arm.robot.velocity_limit * limits.velocity_scale
+    speed = arm.robot.velocity_limit
     if command.interface == "velocity":
         most, rate = speed, command.acceleration_limit
     elif command.interface == "position":

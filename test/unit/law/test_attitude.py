@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from slip_vic_controller.law import attitude
-from slip_vic_controller.law.attitude import LOG, LOG_BRANCH_LIMIT, RPY, RPY_DAMPED_BELOW
+from slip_vic_controller.law.attitude import LOG_BRANCH_LIMIT, RPY_DAMPED_BELOW, Coordinates
 from test.referees.law_referee import about, exponential, jacobian_series, logarithm
 from test.support.call import call, flat
 
@@ -62,7 +62,7 @@ def error_at(kind: int, actual: Motion, desired: Motion, t: float) -> Any:
     return attitude_error(kind, R, R_d, w, w_d, alpha_d, ZERO)
 
 
-@pytest.mark.parametrize("kind", [LOG, RPY])
+@pytest.mark.parametrize("kind", [Coordinates.LOG, Coordinates.RPY])
 @pytest.mark.parametrize("seed", range(5))
 def test_kinematics_with_a_moving_desired_attitude(kind: int, seed: int) -> None:
     """edot_o is the derivative of e_o, and alpha_ee = alpha_d + T_e eddot_o + Theta."""
@@ -83,7 +83,7 @@ def test_kinematics_with_a_moving_desired_attitude(kind: int, seed: int) -> None
 def test_both_coordinates_are_identical_about_one_axis(axis: int, angle: float) -> None:
     w, w_d, alpha_d = (v * np.eye(3)[axis] for v in (0.7, -0.4, 0.3))
     R, R_d = about(axis, angle + 0.2), about(axis, 0.2)
-    log, rpy = (attitude_error(kind, R, R_d, w, w_d, alpha_d, ZERO) for kind in (LOG, RPY))
+    log, rpy = (attitude_error(kind, R, R_d, w, w_d, alpha_d, ZERO) for kind in (Coordinates.LOG, Coordinates.RPY))
     for name in ("error", "rate", "Theta"):
         np.testing.assert_allclose(getattr(log, name), getattr(rpy, name), atol=ROUNDING)
     np.testing.assert_allclose(log.error, angle * np.eye(3)[axis], atol=ROUNDING)
@@ -92,7 +92,7 @@ def test_both_coordinates_are_identical_about_one_axis(axis: int, angle: float) 
 
 def test_error_points_from_desired_to_current() -> None:
     """A pad turned by +0.1 rad has a positive error, so that -K e_o turns it back."""
-    for kind in (LOG, RPY):
+    for kind in (Coordinates.LOG, Coordinates.RPY):
         error = attitude_error(kind, about(2, 0.1), np.eye(3), ZERO, ZERO, ZERO, ZERO)
         np.testing.assert_allclose(error.error, [0.0, 0.0, 0.1], atol=ROUNDING)
 
@@ -105,7 +105,7 @@ def test_the_papers_convention_is_consistent_but_for_two_signs() -> None:
     for seed in range(5):
         rng = np.random.default_rng(seed)
         R, w, K, D, M = exponential(rng.normal(scale=0.5, size=3)), rng.normal(size=3), *rng.uniform(0.5, 3.0, (3, 3))
-        now = attitude_error(LOG, R, np.eye(3), w, ZERO, ZERO, ZERO)
+        now = attitude_error(Coordinates.LOG, R, np.eye(3), w, ZERO, ZERO, ZERO)
         ours = now.T_e @ ((-K * now.error - D * now.rate) / M) + now.Theta
         e = logarithm(R.T)
         T_e = jacobian_series(-e, ZERO)[0]
@@ -118,7 +118,7 @@ def test_logarithm_keeps_its_branch() -> None:
     """Turning past 180 deg the error goes on growing up to 270 deg, stays bounded there, and says so."""
     previous, seen = ZERO, []
     for angle in np.arange(0.0, 2.0 * np.pi, 0.03):
-        error = attitude_error(LOG, about(1, angle), np.eye(3), ZERO, ZERO, ZERO, previous)
+        error = attitude_error(Coordinates.LOG, about(1, angle), np.eye(3), ZERO, ZERO, ZERO, previous)
         previous = np.array(error.error)
         seen.append(error.error[1])
         assert np.abs(error.T_e_inverse).max() < 4.0
@@ -132,7 +132,7 @@ def test_logarithm_keeps_its_branch() -> None:
 def test_rpy_near_gimbal_lock_is_bounded() -> None:
     for pitch in (np.pi / 2, -np.pi / 2, np.pi / 2 - 1e-9, np.pi / 2 - 1e-3, np.pi / 2 - 0.05):
         R = about(2, 0.3) @ about(1, pitch) @ about(0, -0.2)
-        error = attitude_error(RPY, R, np.eye(3), np.array([1.0, -2.0, 0.5]), ZERO, ZERO, ZERO)
+        error = attitude_error(Coordinates.RPY, R, np.eye(3), np.array([1.0, -2.0, 0.5]), ZERO, ZERO, ZERO)
         assert error.near_singular
         for name in ("error", "rate", "Theta", "T_e", "T_e_inverse"):
             assert np.isfinite(getattr(error, name)).all()
@@ -143,7 +143,9 @@ def test_rpy_damping_sets_in_continuously() -> None:
     """The damped inverse meets the exact one at the border, on both sides."""
     pitch = np.arccos(RPY_DAMPED_BELOW)
     w = np.array([1.0, 1.0, 1.0])
-    inside, outside = (attitude_error(RPY, about(1, pitch + d), np.eye(3), w, ZERO, ZERO, ZERO) for d in (1e-7, -1e-7))
+    inside, outside = (
+        attitude_error(Coordinates.RPY, about(1, pitch + d), np.eye(3), w, ZERO, ZERO, ZERO) for d in (1e-7, -1e-7)
+    )
     assert inside.near_singular
     assert not outside.near_singular
     np.testing.assert_allclose(inside.rate, outside.rate, atol=1e-3)

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from slip_core.errors import InputError
-from slip_vic_controller.law.bounds import check_gains, held_sample_limit, judge_gains, slip_gain_limit
+from slip_vic_controller.law.bounds import held_sample_limit, judge_gains, slip_gain_limit
 
 T = 1e-3
 NEAR = 0.01  # how far below and above the bound the simulation is tried
 DAMPING = np.array([2.5, 2.5, 2.5, 2.2, 2.2, 2.2])
-PAPER = {"gain_margin": 2.0, "control_period_s": T}
+PAPER = {"gain_margin": 2.0, "control_period_s": T, "refuse": True}
 
 
 def amplitude_ratio(k_s_T: float, held: int, delay: int, ticks: int = 60_000) -> float:
@@ -68,19 +68,19 @@ def test_many_short_samples_approach_the_continuous_bound() -> None:
 
 
 def test_the_paper_gains_are_accepted() -> None:
-    report = check_gains(DAMPING, 1000.0, "auto", **PAPER, sensor_period_s=0.0, latency_s=0.0)
+    report = judge_gains(DAMPING, 1000.0, "auto", **PAPER, sensor_period_s=0.0, latency_s=0.0)
     assert report.used == 1000.0
-    assert check_gains(DAMPING, 1000.0, "fixed", **PAPER, sensor_period_s=0.0, latency_s=0.0).used == 1000.0
+    assert judge_gains(DAMPING, 1000.0, "fixed", **PAPER, sensor_period_s=0.0, latency_s=0.0).used == 1000.0
 
 
 def test_a_refusal_names_a_number_that_is_accepted() -> None:
     slow = {**PAPER, "sensor_period_s": 1.0 / 120.0, "latency_s": 0.010}
     with pytest.raises(InputError, match="k_s") as refused:
-        check_gains(DAMPING, 1000.0, "fixed", **slow)
+        judge_gains(DAMPING, 1000.0, "fixed", **slow)
     named = float(refused.value.expected.split()[-1])
     assert abs(named - held_sample_limit(9, 10) / T / 2.0) < 1e-3
-    assert check_gains(DAMPING, named, "fixed", **slow).used == named
-    assert check_gains(DAMPING, 1000.0, "auto", **slow).used == pytest.approx(named, rel=1e-5)
+    assert judge_gains(DAMPING, named, "fixed", **slow).used == named
+    assert judge_gains(DAMPING, 1000.0, "auto", **slow).used == pytest.approx(named, rel=1e-5)
 
 
 @pytest.mark.parametrize(
@@ -90,7 +90,7 @@ def test_a_refusal_names_a_number_that_is_accepted() -> None:
 )
 def test_gains_without_a_lambda_are_refused(damping, k_s: float, word: str) -> None:
     with pytest.raises(InputError, match=word):
-        check_gains(damping, k_s, "auto", **PAPER, sensor_period_s=0.0, latency_s=0.0)
+        judge_gains(damping, k_s, "auto", **PAPER, sensor_period_s=0.0, latency_s=0.0)
 
 
 def test_lambdas_are_what_the_propositions_ask() -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from slip_core.params import build
 from slip_vic_controller.arm.robot import Robot
-from slip_vic_controller.law.attitude import LOG, RPY
+from slip_vic_controller.law.attitude import Coordinates
 from slip_vic_controller.law.paper import V_s
 from slip_vic_controller.params.controller_params import TrajectoryParams
 from slip_vic_controller.path.paths import make_path
@@ -41,7 +41,7 @@ def runge_kutta(rate: Any, t: float, x: np.ndarray, h: float) -> np.ndarray:
 
 def test_loop_without_slip_is_the_analytic_response() -> None:
     """M eddot + D edot + K e = 0 in both coordinates, while the desired pose moves and turns and a wrench acts."""
-    for attitude in (LOG, RPY):
+    for attitude in (Coordinates.LOG, Coordinates.RPY):
         check_response(attitude)
 
 

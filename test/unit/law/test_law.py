@@ -11,7 +11,7 @@ import pytest
 from slip_core.errors import InputError
 from slip_core.params import build
 from slip_core.records import record
-from slip_vic_controller.law.attitude import LOG, LOG_REPORT, RPY
+from slip_vic_controller.law.attitude import LOG_REPORT, Coordinates
 from slip_vic_controller.law.config import LAW_CONFIG, make_law_config
 from slip_vic_controller.params.controller_params import ControllerParams
 from test.referees.law_referee import about, referee_law
@@ -29,7 +29,7 @@ GROUPS: dict[str, list[dict[str, Any]]] = {
         for seed in range(2)
         for joints in range(3, 8)
         for contacts in (1, 2, 3)
-        for attitude in (LOG, RPY)
+        for attitude in (Coordinates.LOG, Coordinates.RPY)
     ],
     "angles": [
         {"seed": seed, "angle": angle}
@@ -38,7 +38,6 @@ GROUPS: dict[str, list[dict[str, Any]]] = {
     ],
     "slip": [{"seed": seed, "slip": slip} for seed in range(2) for slip in (0.0, 1e-12, 1e-3, 10.0)],
     "spin": [{"seed": seed, "spin_limit": most, "length": 0.03} for seed in range(2) for most in (0.0, 1.0, 1e9)],
-    "feed-forward": [{"seed": seed, "feed_forward": False, "attitude": seed % 2} for seed in range(3)],
     "printed axes": [{"seed": seed, "slip_axes": (1,) * 6} for seed in range(3)],
     "internal": [{"seed": seed, "contacts": contacts, "kappa": 0.7} for seed in range(2) for contacts in (2, 3, 4)],
 }
@@ -79,7 +78,7 @@ def assert_equal(case: Case) -> dict[str, Any]:
     assert found.error_linear == pytest.approx(np.linalg.norm(expected["e"][:3]), abs=REFEREE * scale)
     assert found.error_angular == pytest.approx(np.linalg.norm(expected["e"][3:]), abs=REFEREE * scale)
     assert found.slip_speed == pytest.approx(np.linalg.norm(expected["v_s"][:3]), abs=REFEREE)
-    if case.config.attitude == LOG:
+    if case.config.attitude == Coordinates.LOG:
         assert found.near_singular_attitude == (found.error_angular > LOG_REPORT)
     return expected
 
@@ -203,7 +202,7 @@ def test_parameters_become_the_config() -> None:
         "contacts.slip_axes": (True, True, False, False, False, True) * 2,
     }
     config = record(make_law_config(build(ControllerParams, values, "test"), np.full(6, 30.0)), LAW_CONFIG)
-    assert (config.joints, config.contacts, config.attitude, config.feed_forward) == (6, 2, RPY, 1)
+    assert (config.joints, config.contacts, config.attitude) == (6, 2, Coordinates.RPY)
     assert (config.nullspace_stiffness, config.nullspace_damping) == (10.0, 2.0)
     assert (config.sigma_min, config.most_damping) == (0.04, 0.1)
     assert config.effort_limit.tolist() == [30.0] * 6 + [0.0] * 4
@@ -216,7 +215,7 @@ def test_parameters_become_the_config() -> None:
 
 @pytest.mark.parametrize("pitch", [PI / 2, -PI / 2, PI / 2 - 1e-9, PI / 2 - 0.05])
 def test_gimbal_lock_gives_a_bounded_effort(pitch: float) -> None:
-    case = random_case(3, attitude=RPY)
+    case = random_case(3, attitude=Coordinates.RPY)
     error = about(2, 0.3) @ about(1, pitch) @ about(0, -0.2)
     case.reference.rotation[:] = case.arm.rotation @ error.T
     found = case.evaluate()

@@ -38,6 +38,8 @@ SETTLES_AFTER, RATE = 5.0, 10.0
 not shake the arm, and friction that turns round does not swing it; where arms share an object over all delays of the
 loop, since each arm feels through the object what the other compensates. And fastest change, as a share of the joint's
 effort limit [1/s]."""
+COLLISION: Final = 0.3
+"""Jump of the disturbance that is a collision, as a share of the joint's effort limit."""
 LARGER: Final = 1.5
 """Measured noise over the configured one from which it is used: a spread of few samples is not exact."""
 
@@ -234,12 +236,11 @@ def estimator_config(params: ControllerParams, effort_limit: Array) -> Array:
     config.late = LATE_S + sensor.filter_s
     config.unmoved = max(UNMOVED, 2.0 * sensor.quantum_position)
     late_s = sensor.latency_s + params.drive_lag_s + sensor.filter_s if params.contacts.count > 1 else 0.0
-    config.compensates, config.settling = int(model.compensate and by_effort), SETTLES_AFTER * max(period, late_s)
-    # What a drive with a loop of its own does not follow is no torque: collisions are the drive's to find then.
-    config.bound[:n], config.rate[:n] = (
-        (model.limit if by_effort else math.inf) * effort_limit,
-        RATE * effort_limit,
-    )
-    config.collision[:n] = (model.collision if by_effort else math.inf) * effort_limit
+    config.settling = SETTLES_AFTER * max(period, late_s)
+    # What a drive with a loop of its own does not follow is no torque: nothing is taken off, and collisions are the
+    # drive's to find then.
+    config.bound[:n] = (model.limit if by_effort else math.inf) * effort_limit
+    config.rate[:n] = (RATE if by_effort else 0.0) * effort_limit
+    config.collision[:n] = (COLLISION if by_effort else math.inf) * effort_limit
     config.friction[:n] = params.drive.of_joints("coulomb", n)
     return buffer

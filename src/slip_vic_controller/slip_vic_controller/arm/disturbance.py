@@ -85,10 +85,8 @@ def oppose_disturbance(
         jumped = abs(jump) > most and not with_wrench and not doubtful
         state.jumped_s[j] = state.jumped_s[j] + dt if jumped else 0.0
         bound, step = config.bound[j], config.rate[j] * dt
-        wanted = min(max(-lasting, -bound), bound) if config.compensates != 0 else 0.0
         before = state.taken_off[j]
-        if unmeasured:
-            wanted = before
+        wanted = before if unmeasured else min(max(-lasting, -bound), bound)
         state.taken_off[j] = min(max(before + follow * (wanted - before), before - step), before + step)
         torque[j] += state.taken_off[j]
         state.beyond_s[j] = state.beyond_s[j] + dt if abs(effort) > bound else 0.0

@@ -30,7 +30,7 @@ class Trust(IntEnum):
 
 
 BothWays = Annotated[Array, (2, MAX_JOINTS)]
-QUICK: Final = 4
+QUICK: Final = len(Trust)
 """Row of the gains for both measurements while the disturbance changes fast, after those by Trust."""
 
 
@@ -68,8 +68,7 @@ class EstimatorConfig(Record):
     difference: Real  # rad; sum of the parity that is no noise
     late: Real  # s; by which velocities may be behind positions
     unmoved: Real  # rad; way by its velocity after which a joint that is measured does not read the same
-    compensates: Whole  # whether the disturbance is taken off the effort
-    bound: Joints  # N m; most that is taken off
+    bound: Joints  # N m; most of the disturbance that is taken off the effort
     rate: Joints  # N m/s; of what is taken off
     settling: Real  # s; time constant with which it follows the estimate
     collision: Joints  # N m; jump of the disturbance that is a collision

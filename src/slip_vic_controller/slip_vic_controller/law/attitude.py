@@ -10,22 +10,27 @@ so that a_C = a_d + T_e M_D^-1 (-K e - D e_dot) + Theta makes the loop M_D e_ddo
 from __future__ import annotations
 
 import math
+from enum import IntEnum, unique
 from typing import Final, NamedTuple
 
 from slip_core.compiled import part
 from slip_core.vectors import IDENTITY, Mat, Spatial, Vec
 from slip_vic_controller.law.rotation import left_jacobian, left_jacobian_inverse, left_jacobian_rate, logarithm
 
-LOG: Final = 0
-"""Rotation vector on world axes."""
-RPY: Final = 1
-"""Roll, pitch, yaw on the axes of the desired attitude, as in the paper."""
 LOG_BRANCH_LIMIT: Final = 1.5 * math.pi
 """|e_o| [rad] up to which the logarithm stays on its branch, so that it does not chatter at pi."""
 LOG_REPORT: Final = math.pi - 0.2
 """|e_o| [rad] from which the logarithm reports that it is near the half turn where it is not unique."""
 RPY_DAMPED_BELOW: Final = 0.1
 """|cos(pitch)| below which the inverse of E(phi) is damped (within 5.7 deg of gimbal lock)."""
+
+
+@unique
+class Coordinates(IntEnum):
+    """Of the orientation error."""
+
+    LOG = 0  # rotation vector on world axes
+    RPY = 1  # roll, pitch, yaw on the axes of the desired attitude, as in the paper
 
 
 class AttitudeError(NamedTuple):
@@ -56,7 +61,7 @@ def attitude_error(
         alpha_d: desired angular acceleration [rad/s^2] {w}.
         previous: the error one cycle earlier [rad].
     """
-    if coordinates == RPY:
+    if coordinates == Coordinates.RPY:
         return rpy_error(R_ee, R_d, w_ee, w_d)
     return log_error(R_ee, R_d, w_ee, w_d, alpha_d, previous)
 
@@ -80,7 +85,7 @@ def log_error(R_ee: Mat, R_d: Mat, w_ee: Vec, w_d: Vec, alpha_d: Vec, previous: 
     w_e = w_ee - w_d_turned
     rate = left_jacobian_inverse(e_o, w_e)
     Theta = left_jacobian_rate(e_o, rate) + w_e.cross(w_d_turned) + (R_e @ alpha_d - alpha_d)
-    return AttitudeError(e_o, rate, Theta, IDENTITY, LOG, e_o.norm() > LOG_REPORT)
+    return AttitudeError(e_o, rate, Theta, IDENTITY, Coordinates.LOG.value, e_o.norm() > LOG_REPORT)
 
 
 @part
@@ -95,13 +100,13 @@ def rpy_error(R_ee: Mat, R_d: Mat, w_ee: Vec, w_d: Vec) -> AttitudeError:
     phi = roll_pitch_yaw(R_d.T() @ R_ee)
     rate = rpy_rates_inverse(phi) @ (R_d.T() @ (w_ee - w_d))
     Theta = w_d.cross(R_d @ (rpy_rates(phi) @ rate)) + R_d @ rpy_rates_rate(phi, rate)
-    return AttitudeError(phi, rate, Theta, R_d, RPY, abs(math.cos(phi.y)) < RPY_DAMPED_BELOW)
+    return AttitudeError(phi, rate, Theta, R_d, Coordinates.RPY.value, abs(math.cos(phi.y)) < RPY_DAMPED_BELOW)
 
 
 @part
 def T_e(attitude: AttitudeError, z: Spatial) -> Spatial:
     """Return T_e z: the angular part from the coordinates of the error to {w}; [m, rad] or its rates."""
-    if attitude.coordinates == RPY:
+    if attitude.coordinates == Coordinates.RPY:
         return Spatial(z.linear, attitude.axes @ (rpy_rates(attitude.error) @ z.angular))
     return Spatial(z.linear, left_jacobian(attitude.error, z.angular))
 
@@ -109,7 +114,7 @@ def T_e(attitude: AttitudeError, z: Spatial) -> Spatial:
 @part
 def T_e_inverse(coordinates: int, error: Vec, R_d: Mat, z: Spatial) -> Spatial:
     """Return T_e^-1 z, bounded: the angular part from {w} to the coordinates of an error e_o [rad]; R_d to {w}."""
-    if coordinates == RPY:
+    if coordinates == Coordinates.RPY:
         return Spatial(z.linear, rpy_rates_inverse(error) @ (R_d.T() @ z.angular))
     return Spatial(z.linear, left_jacobian_inverse(error, z.angular))
 
@@ -117,7 +122,7 @@ def T_e_inverse(coordinates: int, error: Vec, R_d: Mat, z: Spatial) -> Spatial:
 @part
 def on_error_axes(attitude: AttitudeError, v: Spatial) -> Spatial:
     """Return a twist {w} with its angular part on the axes of the error's coordinates."""
-    if attitude.coordinates == RPY:
+    if attitude.coordinates == Coordinates.RPY:
         return Spatial(v.linear, attitude.axes.T() @ v.angular)
     return v
 

@@ -118,43 +118,6 @@ def _ticks(time_s: float, period_s: float) -> int:
     return math.ceil(time_s / period_s - 1e-6)
 
 
-def check_gains(
-    damping: Array,
-    k_s: float,
-    mode: Mode,
-    *,
-    gain_margin: float,
-    control_period_s: float,
-    sensor_period_s: float,
-    latency_s: float,
-) -> GainReport:
-    """Judge the gains, and clamp k_s where `mode` is auto.
-
-    Args:
-        damping: diagonal of D_D; (6,) [N s/m, N m s/rad].
-        k_s: requested [1/s].
-        mode: auto uses the smaller of `k_s` and what is accepted; fixed refuses a larger one.
-        gain_margin: how far below the stability limit k_s must stay.
-        control_period_s, sensor_period_s, latency_s: of the slip loop [s]; with an observer the sensor's are 0.
-
-    Raises:
-        InputError: a fixed k_s beyond the bound, or no lambda for a proposition.
-    """
-    report = judge_gains(
-        damping, k_s, mode, gain_margin=gain_margin, control_period_s=control_period_s,
-        sensor_period_s=sensor_period_s, latency_s=latency_s,
-    )  # fmt: skip
-    for condition in report.conditions:
-        if not condition.holds:
-            raise InputError(
-                f"parameter {_PARAMETER[condition.name]}",
-                got=f"{condition.value:g}",
-                expected=f"{'at most' if condition.name == SAMPLED else 'more than'} {condition.limit:.6g}",
-                fix=condition.reason,
-            )
-    return report
-
-
 def judge_gains(
     damping: Array,
     k_s: float,
@@ -164,8 +127,21 @@ def judge_gains(
     control_period_s: float,
     sensor_period_s: float,
     latency_s: float,
+    refuse: bool = False,
 ) -> GainReport:
-    """Return the verdict of `check_gains` without refusing anything; arguments as there, damping (6,)."""
+    """Judge the gains, and clamp k_s where `mode` is auto.
+
+    Args:
+        damping: diagonal of D_D; (6,) [N s/m, N m s/rad].
+        k_s: requested [1/s].
+        mode: auto uses the smaller of `k_s` and what is accepted; with fixed a larger one does not hold.
+        gain_margin: how far below the stability limit k_s must stay.
+        control_period_s, sensor_period_s, latency_s: of the slip loop [s]; with an observer the sensor's are 0.
+        refuse: whether a condition that does not hold is an error.
+
+    Raises:
+        InputError: where `refuse`, a fixed k_s beyond the bound, or no lambda for a proposition.
+    """
     limit = slip_gain_limit(control_period_s, sensor_period_s, latency_s)
     accepted = limit / gain_margin
     # Rounding must not refuse the number that an earlier refusal has named.
@@ -187,6 +163,14 @@ def judge_gains(
             "Prop. 3: lambda_1 lambda_2 < 1, with the smallest that Prop. 1 and 2 allow",
         ),
     )  # fmt: skip
+    for condition in conditions if refuse else ():
+        if not condition.holds:
+            raise InputError(
+                f"parameter {_PARAMETER[condition.name]}",
+                got=f"{condition.value:g}",
+                expected=f"{'at most' if condition.name == SAMPLED else 'more than'} {condition.limit:.6g}",
+                fix=condition.reason,
+            )
     return GainReport(k_s, used, accepted, lambda_1, lambda_2, conditions)
 
 

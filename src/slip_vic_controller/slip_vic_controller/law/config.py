@@ -6,7 +6,7 @@ from typing import Annotated
 
 from slip_core.arrays import Array
 from slip_core.records import Real, Record, Records, Whole, dtype_of, new, record
-from slip_vic_controller.law.attitude import LOG, RPY
+from slip_vic_controller.law.attitude import Coordinates
 from slip_vic_controller.law.contact import Contact, fill_contacts
 from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.sizes import MAX_CONTACTS, Joints
@@ -17,8 +17,7 @@ class LawConfig(Record):
 
     joints: Whole  # in use
     contacts: Whole  # in use
-    attitude: Whole  # LOG or RPY
-    feed_forward: Whole  # 0 or 1: whether a_d is used
+    attitude: Whole  # Coordinates
     nullspace_stiffness: Real  # N m/rad
     nullspace_damping: Real  # N m s/rad
     nullspace_rate: Real  # 1/s; instead of both behind drives with loops of their own; 0 = without
@@ -45,8 +44,7 @@ def make_law_config(params: ControllerParams, effort_limit: Array) -> Array:
     config: LawConfig = record(buffer, LAW_CONFIG)
     config.joints = len(effort_limit)
     config.contacts = fill_contacts(params.contacts, config.contact)
-    config.attitude = RPY if params.attitude == "rpy" else LOG
-    config.feed_forward = params.feed_forward
+    config.attitude = Coordinates[params.attitude.upper()].value
     config.nullspace_stiffness, config.nullspace_damping = params.nullspace.stiffness, params.nullspace.damping
     if params.command.interface != "effort":
         config.nullspace_rate = min(params.fastest_rate, NULLSPACE_RATE)

@@ -16,7 +16,7 @@ import numpy as np
 from slip_core.arrays import Array, inertia_from_six, vector
 from slip_core.compiled import IN1, INT, OUT1, VOID, kernel, part
 from slip_core.records import Mat3, Real, Record, Vec3, Vec6, Whole, dtype_of, new, record
-from slip_vic_controller.law.bounds import GainReport, check_gains, judge_gains
+from slip_vic_controller.law.bounds import GainReport, judge_gains
 from slip_vic_controller.params.controller_params import ControllerParams, GainParams
 
 UNKNOWN_LAG = 0.3
@@ -144,8 +144,7 @@ def gain_report(params: ControllerParams, *, refuse: bool = True) -> GainReport:
     real = params.estimates_joints and params.bounded_authority
     lag_s = max(unknown * params.drive_lag_s, LEAST_DELAY_S if real else 0.0)
     unsafe = refuse and params.controller != "classical"  # without a slip loop nothing is
-    judge = check_gains if unsafe else judge_gains
-    return judge(
+    return judge_gains(
         np.array(params.gains.damping),
         params.gains.k_s,
         params.gains.k_s_mode,
@@ -153,6 +152,7 @@ def gain_report(params: ControllerParams, *, refuse: bool = True) -> GainReport:
         control_period_s=params.control_period_s,
         sensor_period_s=params.slip_sensor.period_s if direct else 0.0,
         latency_s=(params.slip_sensor.latency_s if direct else 0.0) + lag_s,
+        refuse=unsafe,
     )
 
 

@@ -145,7 +145,7 @@ def control_law(config: LawConfig, arm: Arm, e_previous: Array, given: Given) ->
     gains, samples, slips, reference, out = given.gains, given.samples, given.slips, given.reference, given.law
     R_ee, v_ee = mat(arm.rotation), spatial(arm.twist)
     R_d, v_d = mat(reference.rotation), spatial(reference.twist)
-    a_d = config.feed_forward * spatial(reference.acceleration)
+    a_d = spatial(reference.acceleration)
     slip_axes = spatial(config.contact[0].slip_axes)
 
     # the object, on pad axes

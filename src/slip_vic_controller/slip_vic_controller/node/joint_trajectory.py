@@ -61,7 +61,7 @@ class JointTrajectoryInput:
         if len(message.points) > MOST_POINTS:
             raise InputError(what, got=f"{len(message.points)} points", expected=f"{MOST_POINTS} at most")
         path = JointPath(checked(Points(*from_msgs.joint_trajectory(message)), what), self._robot)
-        path.check_motion(last.joint.position, self._robot.velocity_limit * self._params.safety.limits.velocity_scale)
+        path.check_motion(last.joint.position, self._robot.velocity_limit)
         preview_s = self._params.governor.preview_s if governed_stream(self._params) else 0.0
         return JointFeed(path, last.joint.stamp_ns, preview_s / SAMPLES, AHEAD * preview_s)
 

@@ -46,13 +46,9 @@ class TareParams(ParameterModel):
 class DisturbanceParams(ParameterModel):
     """Joint accelerations that the model of the arm leaves out: friction, torque offset, a push."""
 
-    compensate: bool = parameter(True, "take the estimated disturbance off the effort")
     drift: float = parameter(
         3.0, "random walk of the disturbance: its standard deviation after one second", unit="rad/s^2", gt=0.0, le=1e4
     )
     limit: float = parameter(
         0.25, "most that is taken off the effort, as a share of the joint's effort limit", ge=0.0, le=1.0
-    )
-    collision: float = parameter(
-        0.3, "jump of the disturbance that is a collision, as a share of the joint's effort limit", gt=0.0, le=10.0
     )

@@ -248,7 +248,6 @@ class ControllerParams(ArmParams):
     )
     control_period_s: float = parameter(0.001, "control period", unit="s", ge=1e-5, le=1.0)
     attitude: Literal["log", "rpy"] = parameter("log", "coordinates of the orientation error")
-    feed_forward: bool = parameter(True, "use the desired acceleration a_d as feed-forward", runtime=True)
     object: ObjectParams = Field(default_factory=ObjectParams)
     contacts: ContactParams = Field(default_factory=ContactParams)
     gains: GainParams = Field(default_factory=GainParams)

@@ -17,7 +17,6 @@ class LimitParams(ParameterModel):
         unit="rad",
         gt=0.0,
     )
-    velocity_scale: float = parameter(1.0, "factor on the URDF's velocity limits", gt=0.0)
     speed_linear: float = parameter(
         3.0, "speed of the pad at which it is braked; a third above is a fault", unit="m/s", gt=0.0
     )

@@ -13,7 +13,7 @@ from slip_core.compiled import part
 from slip_core.records import Mat3, Real, Record, Vec3, Whole, dtype_of
 from slip_core.vectors import Spatial, mat, put, put_mat, put_spatial, vec
 from slip_vic_controller.law.rotation import logarithm
-from slip_vic_controller.path.paths import HOLD, POLYNOMIALS, Path, Reference, put_quintic, reference_at
+from slip_vic_controller.path.paths import Path, PathKind, Reference, put_quintic, reference_at
 
 
 @unique
@@ -86,7 +86,7 @@ def rest_at(goal: Goal, reference: Reference) -> None:
     """Rest at the pose of a reference."""
     put(goal.position, reference.position)
     put_mat(goal.rotation, reference.rotation)
-    goal.path.kind, goal.phase, goal.path.knot[1] = HOLD, GoalPhase.RESTS.value, 1.0
+    goal.path.kind, goal.phase, goal.path.knot[1] = PathKind.HOLD.value, GoalPhase.RESTS.value, 1.0
 
 
 @part
@@ -104,7 +104,7 @@ def begin_goal(goal: Goal, now: Reference) -> None:
         vec(goal.to_position) - now.position, logarithm(mat(goal.to_rotation) @ mat(goal.rotation).T())
     )  # fmt: skip
     path, h = goal.path, float(goal.duration)
-    path.kind, path.segments, path.knot[0], path.knot[1] = POLYNOMIALS, 1, 0.0, h
+    path.kind, path.segments, path.knot[0], path.knot[1] = PathKind.POLYNOMIALS.value, 1, 0.0, h
     for i in range(3):
         moves = 0.0, now.twist.linear[i], now.acceleration.linear[i]
         turns = 0.0, now.twist.angular[i], now.acceleration.angular[i]

@@ -7,7 +7,8 @@ before 0 and after its end; the reference is made from it in one place, so angul
 from __future__ import annotations
 
 import math
-from typing import Annotated, Final, NamedTuple, Protocol, TypeVar
+from enum import IntEnum, unique
+from typing import Annotated, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
@@ -40,7 +41,7 @@ class Grasp(Record):
 class Path(Record):
     """A path: polynomial segments, a circle or a lemniscate."""
 
-    kind: Whole
+    kind: Whole  # PathKind
     segments: Whole
     knot: Annotated[Array, MAX_SEGMENTS + 1]  # s
     polynomial: Annotated[Array, (MAX_SEGMENTS, 6, 6)]  # [segment, coordinate, power], time since the segment's knot
@@ -64,10 +65,15 @@ class Started(Protocol):
     start_rotation: Array
 
 
-HOLD: Final = 0
-POLYNOMIALS: Final = 1
-CIRCLE: Final = 2
-LEMNISCATE: Final = 3
+@unique
+class PathKind(IntEnum):
+    """What a path is made of."""
+
+    HOLD = 0
+    POLYNOMIALS = 1
+    CIRCLE = 2
+    LEMNISCATE = 3
+
 
 PLANES = {"xy": (0, 1), "yz": (1, 2), "zx": (2, 0)}
 
@@ -173,9 +179,9 @@ def put_reference(out: DesiredMotion, reference: Reference) -> None:
 @part
 def point_at(path: Path, t: float) -> PathPoint:
     """Return the point of a PATH at time t [s]."""
-    if path.kind == POLYNOMIALS:
+    if path.kind == PathKind.POLYNOMIALS:
         return polynomial_point(path, t)
-    if path.kind == CIRCLE or path.kind == LEMNISCATE:
+    if path.kind == PathKind.CIRCLE or path.kind == PathKind.LEMNISCATE:
         return curve_point(path, t)
     return PathPoint(NOTHING, NOTHING, NOTHING)
 
@@ -239,7 +245,7 @@ def curve_point(path: Path, t: float) -> PathPoint:
     """
     p, p_dot, p_ddot = smooth_phase(t, path.speed, path.ramp, path.duration)
     s, c = math.sin(p), math.cos(p)
-    if path.kind == CIRCLE:
+    if path.kind == PathKind.CIRCLE:
         f, f_p, f_pp = 1.0 - c, s, c
     else:
         f, f_p, f_pp = s * c, c * c - s * s, -4.0 * s * c
@@ -334,7 +340,7 @@ def make_path(params: TrajectoryParams) -> Array:
         rate_rates[[0, -1]] = 0.0
         fill_segments(buffer, times, points, spline(times, 1), rate_rates)
     elif params.kind in ("circle", "lemniscate"):
-        path.kind = CIRCLE if params.kind == "circle" else LEMNISCATE
+        path.kind = PathKind[params.kind.upper()].value
         path.speed, path.ramp, path.duration = 2.0 * math.pi / params.period_s, params.ramp_s, params.duration_s
         first, second = PLANES[params.plane]
         path.along[first] = path.across[second] = params.radius
@@ -351,7 +357,7 @@ def fill_segments(buffer: Array, times: Array, values: Array, rates: Array, rate
     path, count = record(buffer, PATH), len(times) - 1
     if count > MAX_SEGMENTS:
         raise InputError("parameter trajectory.waypoints", got=f"{count} points", expected=f"at most {MAX_SEGMENTS}")
-    path.kind, path.segments = POLYNOMIALS, count
+    path.kind, path.segments = PathKind.POLYNOMIALS.value, count
     path.knot[: count + 1] = times
     path.end[:] = values[-1]
     join(buffer, values, rates, rate_rates)

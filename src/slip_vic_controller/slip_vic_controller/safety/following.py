@@ -22,13 +22,6 @@ LEAST_TORQUE: Final = 0.05
 """Torque without effect that is friction: an object of another weight balances an arm far off, too [N m]."""
 RESTS: Final = 1e-3
 """Speed of a pad or a reference that rests [m/s]."""
-TORQUE_WEIGHT: Final = 1e-6
-"""Weight of a torque without effect beside a commanded velocity [rad/s/(N m)].
-
-A velocity that is commanded and not there names the joint that is blocked. Inertia couples the joints, so that the
-largest torque need not be that joint's: it decides between equal commands alone, as all are with drives that take
-efforts (zero).
-"""
 STUCK_NS: Final = 1_000_000_000
 """How long it must stay there [ns]."""
 
@@ -85,7 +78,8 @@ def find_what_keeps(
 ) -> None:  # fmt: skip
     """Take down which joint keeps an arm far from its reference.
 
-    It is one near the end of its range; else the one that most torque, or the fastest command, does not move.
+    It is one near the end of its range; else the one that the fastest command does not move, or with drives that take
+    efforts most torque: inertia couples the joints, so that the largest torque need not be that of the blocked one.
 
     Args:
         state: changed.
@@ -103,7 +97,7 @@ def find_what_keeps(
         torque = effort[j] - arm.bias[j]
         for i in range(6):
             torque += arm.J[i, j] * h[i]
-        against = abs(commanded[j]) + abs(torque) * TORQUE_WEIGHT
+        against = abs(commanded[j]) if commanded.any() else abs(torque)
         if against > most:
             most, state.joint, state.value = against, j, torque
     pushed = pushed_joint(limits, n, q)
