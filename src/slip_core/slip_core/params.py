@@ -54,6 +54,17 @@ class ParameterModel(BaseModel):
     AT_RUNTIME: ClassVar[frozenset[str]] = frozenset()
     """Parameters of a shared declaration that this node takes changes of at run time."""
 
+    @model_validator(mode="before")
+    @classmethod
+    def _no_truth_as_number(cls, values: Any) -> Any:
+        """Refuse true and false where numbers belong: pydantic makes 1 and 0 of them."""
+        for name in cls.model_fields.keys() & values if isinstance(values, Mapping) else ():
+            value = values[name]
+            parts = value if isinstance(value, list | tuple) else [value]
+            if "bool" not in str(cls.model_fields[name].annotation) and any(isinstance(one, bool) for one in parts):
+                raise ValueError(f"{name} {value}: no number")
+        return values
+
     @model_validator(mode="after")
     def _in_range(self) -> Self:
         """Refuse what the bounds of a declaration cannot: numbers in vectors, rates too low to have a period."""

@@ -1,6 +1,7 @@
 """A law of one's own: the suite's laws through the same door to the same bits, the limiter, what a law does wrong."""
 
 import re
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -183,6 +184,7 @@ def raises(_: Any) -> None:
     ("step", "message"),
     [
         (raises, "step raises RuntimeError: no idea"),
+        (lambda _: sys.exit(0), "step raises SystemExit: 0"),
         (lambda _: slip_vic.Pad(np.full(6, np.nan)), "Pad.acceleration is not finite"),
         (lambda _: slip_vic.Pad(np.zeros(3)), r"Pad.acceleration has the shape \(3,\); expected \(6,\)"),
         (lambda _: slip_vic.Effort(np.zeros(6)), r"Effort.effort has the shape \(6,\); expected \(7,\)"),

@@ -26,10 +26,10 @@ from slip_core.files.link_tree import read_links
 from slip_core.files.plain_yaml import DEEPEST, read_yaml
 from slip_core.files.urdf import DEEPEST as DEEPEST_URDF
 from slip_core.files.urdf import base_of, parse_urdf, placed_urdf
-from slip_core.params import load_yaml, parse_assignment
+from slip_core.params import build, load_yaml, parse_assignment
 from slip_sim_bridge.plant.model import arm_spec
 from slip_vic.run.domain import domain_id
-from slip_vic.scenarios.scenario import load_scenario
+from slip_vic.scenarios.scenario import Mismatch, load_scenario
 from slip_vic.setup.arm.write import Arm
 from slip_vic_controller.arm.robot import Robot
 
@@ -62,6 +62,8 @@ def little_memory() -> Iterator[None]:
         (LAUGHS, "aliases"),
         ("&a [*a]", "contains itself"),
         ("!!python/object/apply:os.system [true]", "python/object"),
+        ("!!bool 3", "tag"),
+        ("a: 1\nb: {c: 1, d: 2, c: 3}", "c stands twice(.|\n)*line 2"),
     ],
 )
 def test_yaml_that_is_more_than_it_looks_is_refused(text: str, what: str) -> None:
@@ -90,6 +92,17 @@ def test_ordinary_yaml_with_anchors_is_read(tmp_path: Path) -> None:
     assert read_yaml("") is None
     with pytest.raises(yaml.YAMLError, match="nested"):
         read_yaml(yaml.safe_dump(nested, default_flow_style=True).replace("1", "[1]"))
+
+
+@pytest.mark.parametrize("text", ["yes", "off", "true", "1:30", "0o17", "[true, 0.0]", "9" * 4301, "2026-11-29"])
+def test_what_is_no_number_is_refused_as_a_mass(text: str) -> None:
+    with pytest.raises(InputError, match="mass"):
+        build(Mismatch, dict([parse_assignment(f"mass={text}")]), "here")
+
+
+def test_plain_scalars_are_what_both_versions_of_yaml_agree_on() -> None:
+    read = read_yaml("[1, -1.5e+3, 0x1f, .5, .inf, true, ~, yes, 1:30, 010, 1_0, 2026-11-29]")
+    assert read == [1, -1500.0, 31, 0.5, float("inf"), True, None, "yes", "1:30", "010", "1_0", "2026-11-29"]
 
 
 def test_a_scenario_or_parameter_file_with_a_bomb_is_refused_in_one_line(tmp_path: Path) -> None:

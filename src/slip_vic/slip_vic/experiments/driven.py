@@ -123,7 +123,7 @@ class Driven:
         """Call the law; whatever it raises is a `LawError`."""
         try:
             return getattr(self._law, method)(argument)
-        except Exception as error:  # a law is someone else's
+        except (Exception, SystemExit) as error:  # a law is someone else's
             raise LawError(f"{method} raises {type(error).__name__}: {' '.join(str(error).split())}") from error
 
     def _answers(self, given: object) -> Sequence[object]:

@@ -204,7 +204,7 @@ def find_law(name: str) -> FoundLaw:
         raise UnknownName("law", name, KNOWN, fix="or give module:Class, or file.py:Class")
     try:
         module = _module_of_file(Path(where)) if where.endswith(".py") else importlib.import_module(where)
-    except Exception as error:  # whatever a module of someone else's does
+    except (Exception, SystemExit) as error:  # whatever a module of someone else's does
         raise InputError(
             f"law {name}", got=f"{type(error).__name__}: {error}", expected="a module that can be imported"
         ) from error

@@ -101,7 +101,7 @@ def run(world: World, law: str) -> Result:
         outcome, reason, metrics = play(driven)
     except SlipVicError as error:
         return failed(world, law, "refused", str(error))
-    except Exception as error:  # the rows of other worlds must come whatever one does
+    except (Exception, SystemExit) as error:  # the rows of other worlds must come whatever one does
         return failed(world, law, "crashed" if own else "failed", f"{type(error).__name__}: {error}")
     if world.track and metrics["arrival_s"] == 0.0:  # of a closed path, whose goal is where it starts
         outcome, reason = "stays", "the pad does not leave the start"
