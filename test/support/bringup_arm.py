@@ -14,8 +14,8 @@ from slip_core.types import EffortCommand, PoseGoal
 from slip_sim_bridge.params import BridgeParams
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load_scenario
-from slip_vic.setup.bringup.hands import simulated_hand
-from slip_vic.setup.bringup.heard import Heard, Track
+from slip_vic.setup.bringup.hands import Simulated
+from slip_vic.setup.bringup.heard import BRIDGE, Heard, Track
 from slip_vic.setup.bringup.walk import Verdict, Walk
 from slip_vic_controller.node.goal import GoalInterface
 from slip_vic_controller.params.node_params import ControllerNodeParams
@@ -116,24 +116,24 @@ class Loop:
     def set_active(self, active: bool) -> None:
         self.loop.session.set_active(active)
 
-    def ask(self, request: str) -> None:
-        self.loop.session.request(Request[request.upper()])
+    def ask(self, request: str, node: str = "") -> None:
+        if node == BRIDGE:
+            self.loop.bridge.request_reset()
+        else:
+            self.loop.session.request(Request[request.upper()])
 
-    def tune(self, values: Mapping[str, Any]) -> None:
+    def tune(self, values: Mapping[str, Any], node: str = "") -> None:
+        if node == BRIDGE:
+            self.bridge_params = build(BridgeParams, flatten(self.bridge_params) | dict(values), "test")
+            self.loop.bridge.set_push(0, self.bridge_params.push)
+            if "grip.force" in values:
+                self.loop.bridge.set_grip_force(0, values["grip.force"])
+            return
         self.params = build(ControllerNodeParams, flatten(self.params) | dict(values), "test")
         self.loop.session.retune((self.params,))
 
     def send_goal(self, position: Array, rotation: Array, duration_s: float) -> None:
         self.loop.session.set_goal(PoseGoal(position, rotation, duration_s))
-
-    def tune_bridge(self, values: Mapping[str, Any]) -> None:
-        self.bridge_params = build(BridgeParams, flatten(self.bridge_params) | dict(values), "test")
-        self.loop.bridge.set_push(0, self.bridge_params.push)
-        if "grip.force" in values:
-            self.loop.bridge.set_grip_force(0, values["grip.force"])
-
-    def reset_bridge(self) -> None:
-        self.loop.bridge.request_reset()
 
 
 def _numbers(sample: Any) -> Array:
@@ -148,7 +148,7 @@ def _track(rows: list[Any], columns: int) -> Track:
 
 
 def bring_up(system: Loop) -> tuple[list[Verdict], Walk]:
-    walk = Walk(system, simulated_hand(system, flatten(system.bridge_params)))
+    walk = Walk(system, Simulated(system, flatten(system.bridge_params)))
     return list(walk.steps()), walk
 
 

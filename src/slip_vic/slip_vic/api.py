@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from slip_vic.options import Choice
 from slip_vic.presets import find_preset
 
 if TYPE_CHECKING:
@@ -53,20 +54,11 @@ def load(
     for kind, name in (("scenarios", name_or_file), ("sensors", sensor), ("drives", drive)):
         if name:
             find_preset(kind, str(name))
-    from slip_vic.scenarios.scenario import load_scenario
-
-    return load_scenario(
-        str(name_or_file),
-        law=law,
-        sensor=str(sensor),
-        drive=str(drive),
-        estimator=estimator,
-        seed=seed,
-        mode=mode,
-        assignments=[set] if isinstance(set, str) else set,
-        urdf_file=None if urdf is None else Path(urdf),
-        parameters=parameters or {},
-    )
+    chosen = Choice(
+        str(name_or_file), law, mode, seed, str(sensor), str(drive), estimator, None,
+        (set,) if isinstance(set, str) else tuple(set), None if urdf is None else Path(urdf),
+    )  # fmt: skip
+    return chosen.load(parameters=parameters or {})
 
 
 def read_bag(path: str | Path, topic: str | None = None) -> pd.DataFrame:

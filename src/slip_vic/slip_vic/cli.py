@@ -199,32 +199,21 @@ def demo(*, choice: Choice, out: Path, in_process: bool, domain_id: int | None, 
 @cli.command()
 @SCENARIOS
 @out_option("config", "folder")
-@click.option("--all", "complete", is_flag=True, help="with the parameters that have their defaults too")
 @click.option("--reference", is_flag=True, help="write docs/parameters.md and docs/topics.md instead, below --out")
-def params(scenarios: tuple[str, ...], out: Path, complete: bool, reference: bool) -> None:
+def params(scenarios: tuple[str, ...], out: Path, reference: bool) -> None:
     """Write the ROS parameter files of the scenarios, for nodes that are started alone."""
     from slip_vic.scenarios.parameter_files import config_files, parameter_page, topic_page, write_files
 
     pages = {"parameters.md": parameter_page(), "topics.md": topic_page()} if reference else {}
-    files = pages or config_files(list(scenarios), complete=complete)
+    files = pages or config_files(list(scenarios))
     write_files(out, files)
     for name in files:
         click.echo(str(out / name))
 
 
 bag.add_command(verify)
-cli.add_command(arm)
-cli.add_command(bag)
-cli.add_command(benchmark)
-cli.add_command(bringup)
-cli.add_command(check)
-cli.add_command(identify)
-cli.add_command(merge)
-cli.add_command(report)
-cli.add_command(retime)
-cli.add_command(study)
-cli.add_command(tune)
-cli.add_command(watch)
+for _command in (arm, bag, benchmark, bringup, check, identify, merge, report, retime, study, tune, watch):
+    cli.add_command(_command)
 
 
 def main() -> int:

@@ -40,17 +40,14 @@ class Operator:
         create_subscription(node, "slip_truth", self._on_truth, depth=1, reliable=False, raw=True)
         self.mode = ""
         self.modes: set[str] = set()
-        self.faults: list[str] = []
-        self.objects_lost = 0
         self.helps = True
         self._put_back_s = -math.inf
         self._steps: list[tuple[str, str]] = []
         self._next_s = self._next_look_s = 0.0
 
     def _on_mode(self, message: Any) -> None:
-        mode, _, reason = message.data.partition(": ")
+        mode = message.data.partition(": ")[0]
         if mode == "FAULT" and self.mode != "FAULT":
-            self.faults.append(reason)
             self.restart(PATIENCE_S)
         self.mode = mode
         self.modes.add(mode)
@@ -62,7 +59,6 @@ class Operator:
         self._next_look_s = now + LOOK_S
         message = deserialize_message(data, JointState)
         if max(map(abs, message.position[:3]), default=0.0) > LOST_M and now - self._put_back_s > AGAIN_S:
-            self.objects_lost += 1
             self._put_back_s = now
             self._clients[STEPS[0]].call_async(Trigger.Request())
 

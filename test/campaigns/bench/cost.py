@@ -8,11 +8,11 @@ import statistics
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from slip_core.arrays import Array
 from slip_core.records import new
-from slip_core.types import JointSample, SlipSample, WrenchSample
+from slip_core.types import JointSample
+from slip_sim_bridge.session import ArmOutputs
 from slip_vic.run.in_process import ClosedLoop, run_in_process
 from slip_vic.scenarios.scenario import Scenario, load_scenario
 from slip_vic_controller.arm.robot import Robot
@@ -29,14 +29,6 @@ STATE_SIZE = TASK_SIZE + ARM_SIZE
 Call = Callable[[], object]
 
 
-class Inputs(NamedTuple):
-    """What a control cycle takes in."""
-
-    joint: JointSample
-    wrenches: tuple[WrenchSample, ...]
-    slips: tuple[SlipSample, ...]
-
-
 @dataclass(slots=True)
 class Stretch:
     """Consecutive ticks of a running scenario, repeated: all inputs of their control cycles.
@@ -47,7 +39,7 @@ class Stretch:
     scenario: Scenario
     session: ControllerSession
     state: Array
-    inputs: tuple[Inputs, ...]
+    inputs: tuple[ArmOutputs, ...]
     at: int = 0
 
     def restore(self) -> None:
@@ -57,14 +49,13 @@ class Stretch:
 
     def step(self) -> CycleResult:
         """Do the control cycle of the next tick, with everything in it."""
-        session, (joint, wrenches, slips) = self.session, self.inputs[self.at]
+        session, sent = self.session, self.inputs[self.at]
         self.at += 1
         (arm,) = session.arms
-        for contact, (wrench, slip) in enumerate(zip(wrenches, slips, strict=True)):
-            arm.add_wrench(contact, wrench)
-            arm.add_slip(contact, slip)
-        arm.add_joint(joint)
-        (result,) = session.cycle(joint.stamp_ns)
+        arm.add_wrench(0, sent.wrenches[-1])
+        arm.add_slip(0, sent.slips[-1])
+        arm.add_joint(sent.joint)
+        (result,) = session.cycle(sent.joint.stamp_ns)
         assert result is not None
         return result
 
@@ -78,8 +69,7 @@ def stretch(scenario: Scenario, ticks: int = SETTLE_TICKS) -> Stretch:
     session.restore(loop.session.buffer)
     for _ in range(STRETCH):
         outputs = loop.observe()
-        (arm,) = outputs.arms
-        inputs.append(Inputs(arm.joint, (arm.wrenches[-1],), (arm.slips[-1],)))
+        inputs.append(outputs.arms[0])
         loop.bridge.advance([loop.control(outputs).command])
     return Stretch(scenario, session, session.buffer[:STATE_SIZE].copy(), tuple(inputs))
 

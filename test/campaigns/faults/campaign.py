@@ -15,7 +15,7 @@ import pandas as pd
 
 from slip_vic.experiments.engines import Died
 from slip_vic.experiments.engines.pool import PoolEngine
-from test.campaigns.faults.plan import Plan, Verdict, all_faults, make_plan, with_arm_and_task
+from test.campaigns.faults.plan import Verdict, make_plan
 
 WRITTEN_EVERY_S = 60.0
 
@@ -90,19 +90,11 @@ def _no_stderr() -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
 
 
-def plan_of(seed: int, trial: int, interface: str = "") -> Plan:
-    """Return the plan of a trial; interface: what the arm takes, empty = drawn."""
-    from test.campaigns.faults.trial import LATEST_START_S, LONGEST_S
-
-    plan = make_plan(seed, trial, all_faults(), LATEST_START_S, LONGEST_S, interface)
-    return with_arm_and_task(plan, LATEST_START_S, LONGEST_S)
-
-
 def judge(seed: int, trial: int, interface: str = "") -> Verdict:
     """Run one trial."""
     from test.campaigns.faults.trial import run_trial
 
-    return run_trial(plan_of(seed, trial, interface))
+    return run_trial(make_plan(seed, trial, interface))
 
 
 def write_results(out: Path, verdicts: Sequence[Verdict]) -> Path:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -35,6 +35,8 @@ MOST_NOISE, MOST_FRICTION, MOST_OFFSET = 0.01, 0.3, 0.2
 WITHOUT_WRENCH = 0.15
 """Share of the arms that have no wrench sensor."""
 PERIOD_S = 0.004
+LATEST_START_S, LONGEST_S = 0.6, 0.4
+"""Of faults."""
 GRIP_N = {"paper_planar": 2.0, "vertical_plane": 8.0, "glass_transport": 3.0}
 """Grip forces that survive most faults."""
 
@@ -147,49 +149,30 @@ class Verdict(NamedTuple):
         return f"trial {self.trial} ({', '.join(self.faults)}): {self.violations[0]}"
 
 
-Cases = tuple[tuple[str, str], ...]
-"""Kind and target of faults."""
-
-
-def draw_faults(
-    rng: np.random.Generator, chosen: Iterable[tuple[str, str]], times_s: tuple[float, float]
-) -> list[Fault]:
-    """Draw when faults come and how bad they are; times_s: their latest start and longest duration [s]."""
-    latest_start_s, longest_s = times_s
+def draw_faults(rng: np.random.Generator, chosen: Iterable[tuple[str, str]]) -> list[Fault]:
+    """Draw when faults come and how bad they are, in the order of (kind, target)."""
     return [
         Fault(
             kind,
             target,
-            start_s=float(rng.uniform(0.05, latest_start_s)),
+            start_s=float(rng.uniform(0.05, LATEST_START_S)),
             # Short ones are as likely as long ones: from one message to the longest.
-            duration_s=float(np.exp(rng.uniform(np.log(0.002), np.log(longest_s)))),
+            duration_s=float(np.exp(rng.uniform(np.log(0.002), np.log(LONGEST_S)))),
             size=float(rng.uniform()),
         )
         for kind, target in chosen
     ]
 
 
-def in_order(faults: Iterable[Fault]) -> tuple[Fault, ...]:
-    """Return faults in order of their start."""
-    return tuple(sorted(faults, key=lambda fault: fault.start_s))
-
-
-def one_in_turn(rng: np.random.Generator, trial: int, cases: Cases) -> list[tuple[str, str]]:
-    """Return one case in turn, so that every kind comes up equally often, and up to two others at random."""
-    others = [cases[int(rng.integers(len(cases)))] for _ in range(int(rng.integers(0, 3)))]
-    return [cases[trial % len(cases)], *others]
-
-
-def make_plan(
-    seed: int, trial: int, cases: Cases, latest_start_s: float, longest_s: float,
-    interface: str = "",
-) -> Plan:  # fmt: skip
-    """Draw a trial.
+def make_plan(seed: int, trial: int, interface: str = "") -> Plan:
+    """Draw a trial: one kind of fault in turn, so that all come up equally often, with up to two others at random.
 
     interface: what the arm takes; empty = drawn, too.
     """
-    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(trial,)))
-    faults = draw_faults(rng, one_in_turn(rng, trial, cases), (latest_start_s, longest_s))
+    rng, arm = (np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(trial, *k))) for k in ((), (9,)))
+    cases = all_faults()
+    others = [cases[int(rng.integers(len(cases)))] for _ in range(int(rng.integers(0, 3)))]
+    faults = draw_faults(rng, [cases[trial % len(cases)], *others])
     scenario = "vertical_plane" if rng.uniform() < 0.25 else "paper_planar"
     observer = bool(rng.uniform() < 0.5)
     scenario = "glass_transport" if rng.uniform() < 0.2 else scenario
@@ -198,30 +181,18 @@ def make_plan(
     sensors = preset_names("sensors")
     sensor = sensors[int(rng.integers(len(sensors)))]
     drawn = tuple(DRIVES)[int(rng.integers(len(DRIVES)))]
-    return Plan(trial, seed, scenario, observer, controller, in_order(faults), sensor, DRIVES[interface or drawn][0])
-
-
-def with_arm_and_task(plan: Plan, latest_start_s: float, longest_s: float) -> Plan:
-    """Draw what a trial in process has beyond that.
-
-    That is: drives, joints, wrench sensor, task, and wild goals, references or parameters.
-    """
-    rng = np.random.default_rng(np.random.SeedSequence(plan.seed, spawn_key=(plan.trial, 9)))
-    task, drives = TASKS[int(rng.integers(len(TASKS)))], DRIVES[plan.interface]
+    task, drives = TASKS[int(arm.integers(len(TASKS)))], DRIVES[interface or drawn]
     joints = (0.0, 0.0, 0.0)
-    if rng.uniform() < 0.5:
-        most = (MOST_NOISE, MOST_FRICTION, MOST_OFFSET)
-        joints = tuple(float(rng.uniform(0.0, each)) for each in most)  # type: ignore[assignment]
-    more = [
-        kind
-        for kind, chance in ((f"wild_{task}", 0.7 * (task != "path")), ("parameter", 0.25))
-        if rng.uniform() < chance
-    ]
-    faults = draw_faults(rng, [(kind, CONTROLLER) for kind in more], (latest_start_s, longest_s))
-    drive = drives[int(rng.integers(len(drives)))]
-    wrench = "none" if rng.uniform() < WITHOUT_WRENCH else "sensor"
-    faults = (*plan.faults, *faults)
-    return replace(plan, drive=drive, task=task, joints=joints, faults=in_order(faults), wrench=wrench)
+    if arm.uniform() < 0.5:
+        noise, friction, offset = (float(arm.uniform(0.0, each)) for each in (MOST_NOISE, MOST_FRICTION, MOST_OFFSET))
+        joints = noise, friction, offset
+    chances = (f"wild_{task}", 0.7 * (task != "path")), ("parameter", 0.25)
+    more = [kind for kind, chance in chances if arm.uniform() < chance]
+    faults += draw_faults(arm, [(kind, CONTROLLER) for kind in more])
+    drive = drives[int(arm.integers(len(drives)))]
+    wrench = "none" if arm.uniform() < WITHOUT_WRENCH else "sensor"
+    in_order = tuple(sorted(faults, key=lambda fault: fault.start_s))
+    return Plan(trial, seed, scenario, observer, controller, in_order, sensor, drive, task, joints, wrench)
 
 
 def realtime_scenario(

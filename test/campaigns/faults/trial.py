@@ -61,7 +61,6 @@ from test.campaigns.faults.wire import Wire
 from test.support.one_arm import OneArm, one_arm
 
 DURATION_S = 1.8
-LATEST_START_S, LONGEST_S = 0.6, 0.4
 START_NS = 1_000_000_000_000  # of the wall clock
 STEADY_NS = 5_000_000_000
 RESTART_S = 0.2  # time from the start of a node to its first message

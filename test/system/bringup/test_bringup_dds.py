@@ -10,7 +10,8 @@ from typing import Any
 import pytest
 
 from slip_vic.scenarios.scenario import load_scenario, read_parameters
-from slip_vic.setup.bringup.hands import simulated_hand
+from slip_vic.setup.bringup.hands import Simulated
+from slip_vic.setup.bringup.heard import BRIDGE
 from slip_vic.setup.bringup.walk import Walk
 from test.support.bringup_arm import BRINGUP
 from test.support.ros import Processes, wait_until
@@ -48,8 +49,8 @@ def test_a_healthy_system_is_led_to_its_first_motion_and_an_error_is_found(
     system = RosSystem(ros_node, ARM)
     meanwhile = system.listen(0.1, lambda: time.sleep(1.0)).joints.stamp
     assert meanwhile[-1] - meanwhile[0] > 0.12, "what comes while something is begun is heard too"
-    system.tune_bridge({"sensors.slip.faults.bias": [0.02, 0.0, 0.0, 0.0, 0.0, 0.0]})
-    hand = simulated_hand(system, system.bridge_parameters(["hold.stiffness", "grip.force"]))
+    system.tune({"sensors.slip.faults.bias": [0.02, 0.0, 0.0, 0.0, 0.0, 0.0]}, BRIDGE)
+    hand = Simulated(system, system.parameters(["hold.stiffness", "grip.force"], BRIDGE))
     last = list(Walk(system, hand).steps())[-1]
     system.close()
     assert last.step == "rest"

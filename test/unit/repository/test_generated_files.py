@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import pytest
 import yaml
 
 from slip_core.params import build, flat_names, flatten
@@ -30,10 +29,9 @@ def test_config_has_nothing_else() -> None:
     assert found == {name for name in FILES if name.startswith("config/")}
 
 
-@pytest.mark.parametrize("complete", [False, True], ids=["what differs", "everything"])
-def test_a_file_gives_a_node_the_parameters_of_its_scenario(complete: bool) -> None:
-    """Also the short files: what they leave out is the default."""
-    files = config_files(complete=complete)
+def test_parameters_of_a_config_file() -> None:
+    """What a file leaves out is the default."""
+    files = config_files()
     for scenario in scenario_names(1):
         loaded = load_scenario(scenario)
         wanted = {

@@ -14,12 +14,10 @@ from click.testing import CliRunner
 from slip_core.records import record
 from slip_vic_controller.state import CONFIG
 from test.campaigns.faults import trial as trials
-from test.campaigns.faults.campaign import judge, plan_of
+from test.campaigns.faults.campaign import judge
 from test.campaigns.faults.cli import faults
 from test.campaigns.faults.monitors import CommandMonitor, Promise, SafeStateMonitor
-from test.campaigns.faults.plan import (
-    all_faults,
-)
+from test.campaigns.faults.plan import all_faults, make_plan
 from test.campaigns.faults.trial import run_trial
 from test.support.one_arm import OneArm, one_arm
 
@@ -59,7 +57,7 @@ def without_rate_limit(config: Any) -> None:
 
 def test_missing_rate_limit_is_caught(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     break_controller(monkeypatch, without_rate_limit)
-    trial = 466  # joint states with wrong numbers, in motion
+    trial = 19  # a wrench with wrong numbers, in motion
     seeded = ["--first", str(trial), "--seed", str(SEED), "--workers", "1", "--out", str(tmp_path)]
     result = CliRunner().invoke(faults, ["--interface", "effort", "--trials", "1", *seeded])
     assert result.exit_code == 1, result.output
@@ -81,7 +79,7 @@ def test_bad_numbers_are_caught(monkeypatch: pytest.MonkeyPatch) -> None:
             return result
 
     monkeypatch.setattr(trials, "OneArm", Broken)
-    assert any("nan" in text for text in run_trial(plan_of(SEED, 0, "effort")).violations)
+    assert any("nan" in text for text in run_trial(make_plan(SEED, 0, "effort")).violations)
 
 
 @pytest.mark.parametrize(

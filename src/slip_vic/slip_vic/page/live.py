@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
@@ -18,12 +18,11 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.serialization import deserialize_message
-from scipy.spatial.transform import Rotation
 
 from slip_bags.recording.raw_subscription import RawSubscription
-from slip_core.arrays import Array
 from slip_core.stamps import stamp_to_ns
 from slip_core.topics import TOPICS
+from slip_msgs_py.messages.from_msgs import vector6
 from slip_msgs_py.qos import message_class, profile
 from slip_sim_bridge.params import BridgeParams
 from slip_vic.page.audience import Audience
@@ -31,17 +30,16 @@ from slip_vic.page.packing import Packer
 from slip_vic.page.plots import describe_plots, plot_series
 from slip_vic.page.runs import NO_PATH, Arm, Run, arm_of, describe
 from slip_vic.page.urdf import box_of
-from slip_vic.run.data import AXES, ArmData, Channel
+from slip_vic.run.data import ArmData, Channel
 
 MODE: Final = "controller/mode"
-NEWEST: Final = ("joint_states", "slip_truth", "controller/scalars", "object_state")
+NEWEST: Final = ("joint_states", "wrench", "slip_truth", "controller/scalars", "object_state")
 LATCHED: Final = ("robot_description", "object_description", MODE)
 ASKED: Final = ("ee_frame", "governor.friction_limit", "governor.torsional_radius", "contacts.slip_axes")
 NODE: Final = "slip_vic_controller"
 DISCOVERY_S: Final = 1.0
 FRAME_S: Final = 0.1
 ASK_S: Final = 2.0
-SETTLE_S: Final = 1.0
 SILENT_S: Final = 2.0
 """So long without joint states the page reports that nothing arrives."""
 
@@ -101,7 +99,6 @@ class Watcher:
         self._next_discovery = 0.0
         self._start_ns = 0
         self._described: tuple[object, ...] = ()
-        self._ready_since = 0.0
         self.last_ns = -1
         self.model: bytes | None = None
 
@@ -120,9 +117,6 @@ class Watcher:
         ready = [arm for arm in self.arms if arm.complete]
         if not ready:
             return None
-        self._ready_since = self._ready_since or now
-        if self.model is None and now < self._ready_since + SETTLE_S:
-            return None  # the other topics of a run that has just begun
         stamp_ns = max(stamp_to_ns(arm.topics["joint_states"].newest.header.stamp) for arm in ready)
         if stamp_ns == self.last_ns:
             return None
@@ -186,13 +180,14 @@ class Watcher:
                 size = box_of(text) if text is not None else size
                 break
         label = self._wanted or "live"
-        return Run(label, tuple(map(arm_now, arms)), pose, size, {})
+        return Run(label, tuple(map(arm_now, arms)), pose, size)
 
 
 def arm_now(watched: WatchedArm) -> Arm:
     """Return what the page shows of an arm, for one instant."""
     newest = {name: topic.newest for name, topic in watched.topics.items()}
     states, truth, scalars = newest["joint_states"], newest["slip_truth"], newest["controller/scalars"]
+    wrench = newest["wrench"]
     mode, names, none = watched.text(MODE), tuple(states.name), np.full((1, 6), np.nan)
     symbols: dict[str, float] = {} if scalars is None else dict(zip(scalars.name, scalars.position, strict=True))
     rows = {
@@ -200,7 +195,7 @@ def arm_now(watched: WatchedArm) -> Arm:
         "slip_velocity": none if truth is None else np.array([truth.velocity]),
         "slip": none if truth is None else np.array([truth.position]),
         "effort": np.array([[symbols.get(f"effort_{joint + 1}", np.nan) for joint in range(len(names))]]),
-        "wrench": _wrench(symbols),
+        "wrench": none if wrench is None else vector6(wrench.wrench.force, wrench.wrench.torque)[None],
     }
     if scalars is not None:
         rows["law"] = np.array([scalars.position])
@@ -215,16 +210,6 @@ def arm_now(watched: WatchedArm) -> Arm:
         () if mode is None else ((0.0, mode),),
     )
     return replace(arm_of(data, now), planned=NO_PATH)
-
-
-def _wrench(symbols: Mapping[str, float]) -> Array:
-    """Return the wrench on the pad's axes, of that on the object, which the law has on world axes; (1, 6)."""
-    wrench = np.array([symbols.get(f"h_ee_{axis}", np.nan) for axis in AXES])
-    turn = np.array([symbols.get(f"position_{axis}", np.nan) for axis in AXES[3:]])
-    if not np.isfinite(turn).all():
-        return np.full((1, 6), np.nan)
-    inverse = Rotation.from_rotvec(turn).inv()
-    return np.hstack([inverse.apply(wrench[:3]), inverse.apply(wrench[3:])])[None]
 
 
 def description(run: Run) -> tuple[object, ...]:

@@ -99,8 +99,11 @@ def make_page(
     header = {"time": packer.add(times), "runs": described, "plots": describe_plots(shown, packer)}
     facts = {
         "command": command,
-        **{name: ", ".join(dict.fromkeys(run.facts[name] for run in shown if name in run.facts)) for name in FACTS},
-        **dict(sorted((k, str(v)) for run in shown for k, v in run.versions.items())),
+        **{
+            name: ", ".join(dict.fromkeys(run.facts[name] for run in runs.values() if name in run.facts))
+            for name in FACTS
+        },
+        **dict(sorted((k, str(v)) for run in runs.values() for k, v in run.versions.items())),
     }
     rows = [f"<dt>{html.escape(k)}</dt><dd>{html.escape(v)}</dd>" for k, v in facts.items() if v]
     return assemble(

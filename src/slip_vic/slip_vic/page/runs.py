@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -56,8 +56,6 @@ class Run:
     arms: tuple[Arm, ...]
     object_pose: Array | None
     object_size: tuple[float, ...]
-    versions: Mapping[str, str]
-    facts: Mapping[str, str] = field(default_factory=dict)
 
 
 def grid(duration: float) -> Array:
@@ -70,7 +68,7 @@ def drawn(data: RunData, label: str, times: Array, end: str = "") -> Run:
     pose = None if data.object_pose is None else newest_on_grid(data.object_pose, times)
     arms = tuple(arm_of(arm, times, end) for arm in data.arms)
     size = data.bridge.get("display.object_size", BridgeParams().display.object_size)
-    return Run(label, arms, pose, tuple(size), data.versions, data.facts)
+    return Run(label, arms, pose, tuple(size))
 
 
 def arm_of(data: ArmData, times: Array, end: str = "") -> Arm:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -104,8 +103,7 @@ def effort_rate(run: ArmData) -> float:
     return float(np.sqrt(np.mean((np.diff(effort, axis=0) ** 2).sum(axis=1))) / period)
 
 
-@dataclass(frozen=True, slots=True)
-class SummaryRow:
+class SummaryRow(NamedTuple):
     """One row of a table that compares runs: its numbers in the unit of its label, and as they are shown."""
 
     key: str
@@ -115,35 +113,31 @@ class SummaryRow:
 
 
 def summary_rows(runs: Sequence[Mapping[str, Any]]) -> list[SummaryRow]:
-    """Return what tables show of some runs, each as `summarise` returns it."""
-    return [
-        SummaryRow(key, label, values, tuple("-" if math.isnan(value) else pattern.format(value) for value in values))
-        for key, label, number, pattern in _ROWS
-        if not (key in _OPTIONAL and any(key not in run for run in runs))
-        for values in [tuple(number(run) for run in runs)]
-    ]
-
-
-def _number(key: str, scale: float = 1.0) -> Callable[[Mapping[str, Any]], float]:
-    return lambda run: scale * float(run[key])
+    """Return what tables show of some runs, each as `summarise` returns it: the rows that all of them have."""
+    found = []
+    for key, label, scale, digits in _ROWS:
+        if all(key in run for run in runs):
+            values = tuple(scale * float(run[key]) for run in runs)
+            texts = tuple("-" if math.isnan(value) else f"{value:.{digits}f}" for value in values)
+            found.append(SummaryRow(key, label, values, texts))
+    return found
 
 
 _DEG = 180.0 / math.pi
-_OPTIONAL = ("internal_peak_n", "internal_steady_n", "load_peak", "object_error_m")
-"""Rows of runs that have these numbers: those that were judged with their scenario."""
-_ROWS: tuple[tuple[str, str, Callable[[Mapping[str, Any]], float], str], ...] = (
-    ("slip_linear_m", "slip at the end [mm]", _number("slip_linear_m", 1e3), "{:.2f}"),
-    ("slip_angular_rad", "slip at the end [deg]", _number("slip_angular_rad", _DEG), "{:.2f}"),
-    ("slip_linear_peak_m", "peak slip [mm]", _number("slip_linear_peak_m", 1e3), "{:.2f}"),
-    ("slip_speed_peak_m_s", "peak slip speed [mm/s]", _number("slip_speed_peak_m_s", 1e3), "{:.1f}"),
-    ("tracking_mm", "tracking rms [mm]", _number("tracking_rms_m", 1e3), "{:.2f}"),
-    ("tracking_deg", "tracking rms [deg]", _number("tracking_rms_rad", _DEG), "{:.2f}"),
-    ("final_mm", "final error [mm]", _number("final_error_m", 1e3), "{:.3f}"),
-    ("final_deg", "final error [deg]", _number("final_error_rad", _DEG), "{:.3f}"),
-    ("arrival_s", "arrives after [s]", _number("arrival_s"), "{:.2f}"),
-    ("internal_peak_n", "internal force, peak [N]", _number("internal_peak_n"), "{:.2f}"),
-    ("internal_steady_n", "internal force, at rest [N]", _number("internal_steady_n"), "{:.2f}"),
-    ("load_peak", "load / friction limit, peak", _number("load_peak"), "{:.2f}"),
-    ("object_error_m", "object off its path, peak [mm]", _number("object_error_m", 1e3), "{:.1f}"),
-    ("effort_peak_nm", "peak effort [N m]", _number("effort_peak_nm"), "{:.1f}"),
+_ROWS: tuple[tuple[str, str, float, int], ...] = (
+    ("slip_linear_m", "slip at the end [mm]", 1e3, 2),
+    ("slip_angular_rad", "slip at the end [deg]", _DEG, 2),
+    ("slip_linear_peak_m", "peak slip [mm]", 1e3, 2),
+    ("slip_speed_peak_m_s", "peak slip speed [mm/s]", 1e3, 1),
+    ("tracking_rms_m", "tracking rms [mm]", 1e3, 2),
+    ("tracking_rms_rad", "tracking rms [deg]", _DEG, 2),
+    ("final_error_m", "final error [mm]", 1e3, 3),
+    ("final_error_rad", "final error [deg]", _DEG, 3),
+    ("arrival_s", "arrives after [s]", 1.0, 2),
+    ("internal_peak_n", "internal force, peak [N]", 1.0, 2),
+    ("internal_steady_n", "internal force, at rest [N]", 1.0, 2),
+    ("load_peak", "load / friction limit, peak", 1.0, 2),
+    ("object_error_m", "object off its path, peak [mm]", 1e3, 1),
+    ("effort_peak_nm", "peak effort [N m]", 1.0, 1),
 )
+"""Key, label, scale and digits; those from the verdict on a scenario are absent where there is none."""

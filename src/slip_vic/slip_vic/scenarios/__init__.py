@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-import re
-from typing import Final
-
+from slip_core.files.plain_yaml import read_yaml
 from slip_vic.presets import preset_names, preset_text
-
-_ARMS: Final = re.compile(r"^arms:\n((?:[ #].*\n|\n)*)", re.MULTILINE)
-_ARM: Final = re.compile(r"^  \w+:", re.MULTILINE)
 
 
 def scenario_names(arms: int = 0) -> list[str]:
@@ -31,5 +26,4 @@ def scenario_text(name_or_path: str) -> str:
 
 def number_of_arms(text: str) -> int:
     """Return how many arms a scenario has, from its text."""
-    block = _ARMS.search(text)
-    return len(_ARM.findall(block[1])) if block else 1
+    return len(read_yaml(text).get("arms") or [text])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Final
 
 from slip_core.errors import InputError
 from slip_core.params import ParameterInfo, ParameterModel, flatten, parameter_infos
@@ -12,15 +13,19 @@ from slip_core.topics import markdown_table
 from slip_vic.scenarios import scenario_names
 from slip_vic.scenarios.scenario import NODES, load_scenario, ros_parameter_file
 
+HEAD: Final = """\
+# {}: made by `slip-vic params`; edit the scenario, or your own copy.
+# What differs from the defaults, which docs/parameters.md lists.
+"""
 
-def config_files(scenarios: list[str] | None = None, *, complete: bool = False) -> dict[str, str]:
+
+def config_files(scenarios: list[str] | None = None) -> dict[str, str]:
     """Return every file of ``config/``: relative path -> text, for bridge and both controllers of each scenario.
 
     The variable impedance controller has a second one for real time, which is the one for a real arm.
 
     Args:
         scenarios: their names; None: all that come with the suite.
-        complete: whether parameters that have their defaults are written too.
     """
     files = {}
     for name in scenarios or scenario_names(1):
@@ -30,18 +35,8 @@ def config_files(scenarios: list[str] | None = None, *, complete: bool = False) 
         made["controller_vic_realtime"] = load_scenario(name, mode="realtime").controller
         for file, params in {**made, "bridge": load_scenario(name).bridge}.items():
             node = NODES["bridge" if file == "bridge" else "controller"][0]
-            files[f"{name}/{file}.yaml"] = _head(name, complete) + ros_parameter_file(params, node, complete=complete)
+            files[f"{name}/{file}.yaml"] = HEAD.format(name) + ros_parameter_file(params, node, complete=False)
     return files
-
-
-def _head(name: str, complete: bool) -> str:
-    head = f"# {name}: made by `slip-vic params`; edit the scenario, or your own copy.\n"
-    if complete:
-        return head
-    return (
-        f"{head}# What differs from the defaults, which docs/parameters.md lists. A file with every parameter:\n"
-        f"#     slip-vic params --all --scenario {name} --out FOLDER\n"
-    )
 
 
 def check_writable(file: Path) -> None:

@@ -100,15 +100,17 @@ def bringup(namespace: str, domain_id: int | None, simulated: bool, out: Path) -
     check_ros()
     check_writable(out)  # here, not after the walk
     from slip_bags.ros_node import ros_node
-    from slip_vic.setup.bringup.hands import Hands, Person, simulated_hand
+    from slip_vic.setup.bringup.hands import Hands, Person, Simulated
+    from slip_vic.setup.bringup.heard import BRIDGE
     from slip_vic.setup.bringup.ros_system import RosSystem
     from slip_vic.setup.bringup.walk import Walk
 
     with ros_node("slip_vic_bringup") as node:
         system = RosSystem(node, namespace)
         try:
-            bridge = system.bridge_parameters(["hold.stiffness", "grip.force"]) if simulated else {}
-            hands: Hands = simulated_hand(system, bridge) if simulated else Person(system, system.params.joint_names)
+            hands: Hands = Person(system, system.params.joint_names)
+            if simulated:
+                hands = Simulated(system, system.parameters(["hold.stiffness", "grip.force"], BRIDGE))
             walk = Walk(system, hands)
             for verdict in walk.steps():
                 click.echo(str(verdict), err=not verdict.holds)

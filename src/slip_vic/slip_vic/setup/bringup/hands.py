@@ -8,10 +8,9 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 import click
-import numpy as np
 
 from slip_core.arrays import Array
-from slip_vic.setup.bringup.heard import Heard
+from slip_vic.setup.bringup.heard import BRIDGE, Heard
 
 if TYPE_CHECKING:
     from slip_vic.setup.bringup.ros_system import RosSystem
@@ -73,12 +72,12 @@ class Simulated:
 
     Args:
         system: with a simulated arm.
-        stiffness: of the simulated arm's own hold, over the joint inertia [1/s2].
-        grip: force of use [N].
+        parameters: of the simulated arm: `hold.stiffness` and `grip.force`, the force of use [N].
     """
 
-    def __init__(self, system: RosSystem, stiffness: float, grip: float) -> None:
-        self._system, self._stiffness, self._grip = system, stiffness, grip
+    def __init__(self, system: RosSystem, parameters: Mapping[str, Any]) -> None:
+        self._system, self._stiffness = system, parameters["hold.stiffness"]
+        self._grip = parameters["grip.force"]
         self._friction = system.params.governor.friction_limit / system.params.grip.nominal_force
 
     def ready(self, words: str) -> None:
@@ -88,7 +87,7 @@ class Simulated:
         """Push all joints such that one moves alone; None: drives with their own loop hold against it."""
         if self._system.params.command.interface != "effort":
             return None
-        return self._leaning("push.effort", self._stiffness * TURN * inertia[:, joint])
+        return self._leaning("push.effort", (self._stiffness * TURN * inertia[:, joint]).tolist())
 
     def push(self, words: str, direction: Array) -> Heard:
         """Push with `PUSH_N`."""
@@ -97,45 +96,40 @@ class Simulated:
     def pull(self, words: str, direction: Array, weight: float, slips: Callable[[Heard], bool]) -> list[Heard]:
         """Jerk harder each time, until it slips, on a grip that carries so much that the weight hardly turns it."""
         carried = max(CARRIES * weight, self._friction * self._grip)
-        self._system.tune_bridge({"grip.force": carried / self._friction})
+        self._tune("grip.force", carried / self._friction)
         heard: list[Heard] = []
         for step in range(STEPS):
-            jerk = partial(self._set, "push.wrench", _wrench(0.6 * GROWTH**step * carried * direction))
+            jerk = partial(self._tune, "push.wrench", _wrench(0.6 * GROWTH**step * carried * direction))
             try:  # it may slip before the simulation has answered
                 heard.append(self._system.listen(STEP_S, jerk))
             finally:
-                heard.append(self._system.listen(SEEN_S, partial(self._set, "push.wrench", np.zeros(6))))
+                heard.append(self._system.listen(SEEN_S, partial(self._tune, "push.wrench", [0.0] * 6)))
             if slips(heard[-2]) or slips(heard[-1]):
                 break
         return heard
 
     def grip(self, *, firmly: bool) -> None:
         """Put the object back where it belongs, then grip: a reset begins with the simulation's own grip."""
-        self._system.reset_bridge()
+        self._system.ask("reset", BRIDGE)
         self._system.listen(SETTLED_S)
-        self._system.tune_bridge({"grip.force": FIRM_N if firmly else self._grip})
+        self._tune("grip.force", FIRM_N if firmly else self._grip)
         self._system.listen(SETTLED_S)
 
-    def _leaning(self, name: str, value: Array) -> Heard:
+    def _leaning(self, name: str, value: list[float]) -> Heard:
         try:
-            self._set(name, value)
+            self._tune(name, value)
             self._system.listen(SETTLED_S)
             return self._system.listen(READ_S)
         finally:
-            self._set(name, np.zeros(len(value)))
+            self._tune(name, [0.0] * len(value))
 
-    def _set(self, name: str, value: Array) -> None:
-        self._system.tune_bridge({name: value.tolist()})
+    def _tune(self, name: str, value: float | list[float]) -> None:
+        self._system.tune({name: value}, BRIDGE)
 
 
 Hands = Person | Simulated
 
 
-def simulated_hand(system: RosSystem, bridge: Mapping[str, Any]) -> Simulated:
-    """Return the hand of a simulated arm with its parameters `hold.stiffness` and `grip.force`."""
-    return Simulated(system, bridge["hold.stiffness"], bridge["grip.force"])
-
-
-def _wrench(force: Array) -> Array:
+def _wrench(force: Array) -> list[float]:
     """Return the wrench of a force without a torque; (6,) [N, N m]."""
-    return np.concatenate((force, np.zeros(3)))
+    return [*force.tolist(), 0.0, 0.0, 0.0]

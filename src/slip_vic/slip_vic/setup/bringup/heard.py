@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from slip_core.arrays import Array
+
+BRIDGE: Final = "slip_sim_bridge"
+"""Node of the simulated arm."""
 
 
 class Track(NamedTuple):

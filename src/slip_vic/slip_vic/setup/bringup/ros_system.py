@@ -33,7 +33,6 @@ from slip_vic.setup.bringup.heard import Heard, Track
 from slip_vic_controller.params.node_params import ControllerNodeParams
 
 CONTROLLER: Final = "slip_vic_controller"
-BRIDGE: Final = "slip_sim_bridge"
 INPUTS: Final = ("joint_states", "wrench", "slip_velocity")
 SCALARS: Final = ("friction_limit", "load_commanded", "friction_events", "slipping")
 ANSWER_S: Final = 10.0
@@ -61,7 +60,7 @@ class RosSystem:
         self._executor.add_node(self._asker)
         self._clients: dict[str, Any] = {}
         names = [info.name for info in parameter_infos(ControllerNodeParams)]
-        self.params = build(ControllerNodeParams, self._parameters(CONTROLLER, names), CONTROLLER)
+        self.params = build(ControllerNodeParams, self.parameters(names), CONTROLLER)
         self.urdf = self.params.robot_description or read_urdf(
             self.params.robot_description_file, "parameter robot_description_file"
         )
@@ -120,17 +119,39 @@ class RosSystem:
         elif not active and state == State.PRIMARY_STATE_ACTIVE:
             self._change(Transition.TRANSITION_DEACTIVATE)
 
-    def ask(self, request: str) -> None:
-        """Call the controller's service.
+    def ask(self, request: str, node: str = CONTROLLER) -> None:
+        """Call a service without arguments.
 
         Raises:
             ProtocolError: it refuses.
         """
-        self._trigger(f"{CONTROLLER}/{request}")
+        answer = self._call(Trigger, f"{node}/{request}", Trigger.Request())
+        if not answer.success:
+            raise ProtocolError(f"{self._ns}/{node}/{request}: {answer.message}")
 
-    def tune(self, values: Mapping[str, Any]) -> None:
-        """Set parameters of the controller."""
-        self._set(CONTROLLER, values)
+    def tune(self, values: Mapping[str, Any], node: str = CONTROLLER) -> None:
+        """Set parameters.
+
+        Raises:
+            ProtocolError: one is refused.
+        """
+        wanted = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
+        answer = self._call(SetParameters, f"{node}/set_parameters", SetParameters.Request(parameters=wanted))
+        for result in answer.results:
+            if not result.successful:
+                raise ProtocolError(f"{self._ns}/{node}: {result.reason}")
+
+    def parameters(self, names: list[str], node: str = CONTROLLER) -> dict[str, Any]:
+        """Return parameters that are set.
+
+        Raises:
+            InputError: there is no such node.
+        """
+        answer = self._call(GetParameters, f"{node}/get_parameters", GetParameters.Request(names=names))
+        values = ((name, parameter_value_to_python(value)) for name, value in zip(names, answer.values, strict=True))
+        return {
+            name: list(value) if hasattr(value, "typecode") else value for name, value in values if value is not None
+        }
 
     def send_goal(self, position: Array, rotation: Array, duration_s: float) -> None:
         """Publish a goal."""
@@ -138,22 +159,6 @@ class RosSystem:
         seconds, rest = divmod(round(1e9 * duration_s), 10**9)
         message.points[0].time_from_start = Duration(sec=seconds, nanosec=rest)
         self._goals.publish(message)
-
-    def tune_bridge(self, values: Mapping[str, Any]) -> None:
-        """Set parameters of the simulated arm."""
-        self._set(BRIDGE, values)
-
-    def reset_bridge(self) -> None:
-        """Put the simulated arm back."""
-        self._trigger(f"{BRIDGE}/reset")
-
-    def bridge_parameters(self, names: list[str]) -> dict[str, Any]:
-        """Return parameters of the simulated arm.
-
-        Raises:
-            InputError: there is none.
-        """
-        return self._parameters(BRIDGE, names)
 
     # -- topics ------------------------------------------------------------------------------------
 
@@ -238,25 +243,6 @@ class RosSystem:
         request = ChangeState.Request(transition=Transition(id=transition))
         if not self._call(ChangeState, f"{CONTROLLER}/change_state", request).success:
             raise ProtocolError(f"{self._ns}/{CONTROLLER} refuses the lifecycle transition {transition}: see its log")
-
-    def _trigger(self, service: str) -> None:
-        answer = self._call(Trigger, service, Trigger.Request())
-        if not answer.success:
-            raise ProtocolError(f"{self._ns}/{service}: {answer.message}")
-
-    def _set(self, node: str, values: Mapping[str, Any]) -> None:
-        wanted = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
-        answer = self._call(SetParameters, f"{node}/set_parameters", SetParameters.Request(parameters=wanted))
-        for result in answer.results:
-            if not result.successful:
-                raise ProtocolError(f"{self._ns}/{node}: {result.reason}")
-
-    def _parameters(self, node: str, names: list[str]) -> dict[str, Any]:
-        answer = self._call(GetParameters, f"{node}/get_parameters", GetParameters.Request(names=names))
-        values = ((name, parameter_value_to_python(value)) for name, value in zip(names, answer.values, strict=True))
-        return {
-            name: list(value) if hasattr(value, "typecode") else value for name, value in values if value is not None
-        }
 
     def _call(self, kind: type, service: str, request: object) -> Any:
         """Call a service of a node.
