@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from slip_core.errors import InputError
     from slip_vic.api import load, read_bag
-    from slip_vic.experiments.law import Effort, Law, Pad, Seen, Setup, Velocity
+    from slip_vic.experiments.law import Effort, Law, Pad, Seen, Setup
     from slip_vic.law import Evaluation, evaluate_law
     from slip_vic.presets import preset_names
     from slip_vic.run.in_process import Tick
@@ -39,7 +39,6 @@ __all__ = [
     "Seen",
     "Setup",
     "Tick",
-    "Velocity",
     "Verdict",
     "evaluate_law",
     "load",
@@ -51,7 +50,7 @@ __all__ = [
 _MODULES = {
     "slip_core.errors": ("InputError",),
     "slip_vic.api": ("load", "read_bag"),
-    "slip_vic.experiments.law": ("Effort", "Law", "Pad", "Seen", "Setup", "Velocity"),
+    "slip_vic.experiments.law": ("Effort", "Law", "Pad", "Seen", "Setup"),
     "slip_vic.law": ("Evaluation", "evaluate_law"),
     "slip_vic.presets": ("preset_names",),
     "slip_vic.run.in_process": ("Tick",),

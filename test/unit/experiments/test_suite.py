@@ -163,7 +163,7 @@ def test_the_slip_path_is_its_length_and_not_where_it_ends() -> None:
 
 def test_a_number_of_a_law_can_be_changed_by_its_name() -> None:
     assert find_law("fixed_grip?factor=1.5").kind.factor == 1.5
-    assert find_law("governed?governor.margin=0.8").kind.more == {"governor.margin": 0.8}
+    assert find_law("governed?governor.margin=0.8").settings == ("controller.governor.margin=0.8",)
     assert find_law("fixed_grip?factor=1.5").label == "fixed_grip?factor=1.5"
     assert find_law("classical?stiffness=2").kind.stiffness == 2.0
     with pytest.raises(InputError, match="of a number that the class has"):

@@ -14,10 +14,10 @@ import numpy as np
 
 from slip_core.arrays import Array
 from slip_sim_bridge.params import BridgeParams
-from slip_vic.experiments.world import World, coulomb_of
+from slip_vic.experiments.world import World
 from slip_vic.presets import preset_names
 from slip_vic.scenarios import scenario_names
-from slip_vic.scenarios.scenario import Scenario, drive_assignments, load_scenario
+from slip_vic.scenarios.scenario import Scenario, cut_or_extend, drive_assignments, load_scenario
 
 SPREAD: Final = 0.4
 """Largest relative error of mass and friction as configured."""
@@ -32,6 +32,8 @@ SLOWER, SETTLES_S = 3.0, 5.0
 ARMS: Final = ("ideal", "torque_joint", "motor_current")
 MOTION_ARMS: Final = ("velocity_500", "velocity_125", "position_250")
 """Drives that are drawn: those that take efforts, and those that take velocities or positions."""
+COULOMB: Final = (1.0, 1.0, 0.8, 0.8, 0.4, 0.4, 0.3)
+"""Friction of an arm without compensation, joints 1 to 7; further ones have the last [N m]."""
 BANDWIDTH: Final = 0.3
 """Largest relative error of the configured bandwidth of a drive with a loop of its own."""
 BASE_RAD, BASE_M, LATE_S = 0.3 * np.pi / 180.0, 0.002, 0.01
@@ -157,7 +159,7 @@ def _joints(drive: str, known: BridgeParams, rng: np.random.Generator) -> list[s
     return [
         f"bridge.sensors.joint.noise_velocity={noise}",
         f"bridge.drive.offset={offset.tolist()}",
-        f"bridge.drive.coulomb={(share * np.array(coulomb_of(joints))).tolist()}",
+        f"bridge.drive.coulomb={(share * np.array(cut_or_extend(list(COULOMB), joints))).tolist()}",
         f"bridge.drive.delay_s={late_s}",
         "controller.tare.duration_s=0.3",
     ]

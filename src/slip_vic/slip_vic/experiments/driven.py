@@ -19,7 +19,7 @@ from slip_core.params import build, flatten
 from slip_core.records import Records, new, record, records
 from slip_core.types import COMMANDS, EffortCommand, JointCommand, SlipSample
 from slip_core.vectors import spatial
-from slip_vic.experiments.law import Answer, Effort, Law, Pad, Reference, Seen, Setup, Velocity, numbers
+from slip_vic.experiments.law import Answer, Effort, Law, Pad, Reference, Seen, Setup, numbers
 from slip_vic.run.in_process import Tick, run_in_process
 from slip_vic.scenarios.scenario import Scenario
 from slip_vic_controller.arm.command import (
@@ -47,8 +47,6 @@ from slip_vic_controller.state import CONFIG, ControllerConfig
 
 LONGEST_STEP_S: Final = 2.0
 """A step that takes longer ends the run."""
-SERVO_RATE: Final = 50.0
-"""Of the loop with which drives that take efforts follow joint velocities [1/s]; between those of the presets."""
 WATCH: Final[dict[str, Any]] = {
     "controller": "classical", "command.interface": "effort", "governor.mode": "off", "slip_estimator": "measured",
     "gains.give_up": False, "joint_sensor.noise_velocity": 0.0, "joint_sensor.quantum_position": 0.0,
@@ -138,8 +136,8 @@ class Driven:
         arm, tick.grips[k] = self._arms[k], None
         try:
             if answer is not None:
-                if not isinstance(answer, Pad | Effort | Velocity):
-                    raise ValueError(f"step returns {type(answer).__name__}; expected Pad, Effort, Velocity or None")
+                if not isinstance(answer, Pad | Effort):
+                    raise ValueError(f"step returns {type(answer).__name__}; expected Pad, Effort or None")
                 if answer.grip is not None:
                     (grip,) = numbers("grip", [answer.grip], 1)
                     if grip < 0.0:
@@ -248,57 +246,34 @@ class _Arm:
     def command(self, answer: Answer, tick: Tick, k: int) -> JointCommand:
         """Return what the drives get of an answer, inside their limits; nothing where there is none.
 
+        Drives with loops of their own get the motion that the effort gives the arm's model, as the controller's do.
+
         Raises:
-            ValueError: an answer that these drives do not take, or that gives no finite command; one line.
+            ValueError: an answer that gives no finite command; one line.
         """
         interface, stamp_ns, result = self.config.command.interface, tick.outputs.stamp_ns, tick.results[k]
         if answer is None:
             self.limiter.started = self._motion.started = 0
             return self._command(stamp_ns, np.zeros(0))
-        if interface != Interface.EFFORT:
-            self._move(self._acceleration(answer, result), result)
-            moved = self._motion.velocity if interface == Interface.VELOCITY else self._motion.position
-            return self._command(stamp_ns, np.array(moved[: self.joints]))
         if isinstance(answer, Pad):
             wanted = self.torque(result, numbers("Pad.acceleration", answer.acceleration, 6))
-        elif isinstance(answer, Velocity):
-            wanted = self._servo(result, numbers("Velocity.velocity", answer.velocity, self.joints))
         else:
-            wanted = numbers("Effort.effort", answer.effort, self.joints)
-        return EffortCommand(stamp_ns, self.limited(wanted, tick, k))
+            wanted, R = numbers("Effort.effort", answer.effort, self.joints), result.arm.rotation
+            self._torque.h_ee[:] = np.concatenate((R @ self._wrench[:3], R @ self._wrench[3:]))
+        if interface == Interface.EFFORT:
+            return EffortCommand(stamp_ns, self.limited(wanted, tick, k))
+        self._move(wanted, result)
+        moved = self._motion.velocity if interface == Interface.VELOCITY else self._motion.position
+        return self._command(stamp_ns, np.array(moved[: self.joints]))
 
-    def _acceleration(self, answer: Pad | Effort | Velocity, result: CycleResult) -> Array:
-        """Return the joint acceleration of an answer for drives with loops of their own; (n,) [rad/s^2]."""
+    def _move(self, tau: Array, result: CycleResult) -> None:
+        """Integrate the joint acceleration of an effort (n,) [N m] over a period, inside the limits of the motion."""
         if self._motion.started == 0:
             start_motion(self.config.command, self._motion, result.joint.position, result.joint.velocity)
-        if isinstance(answer, Velocity):
-            wanted = numbers("Velocity.velocity", answer.velocity, self.joints)
-            return (wanted - self._motion.velocity[: self.joints]) / self._period_s
-        if isinstance(answer, Effort):
-            raise ValueError("step returns Effort, but the drives take no efforts; expected Pad, Velocity or None")
-        tau, arm, qdd = (
-            self.torque(result, numbers("Pad.acceleration", answer.acceleration, 6)),
-            result.arm,
-            np.zeros(self.joints),
-        )
+        arm, qdd, limited = result.arm, np.zeros(self.joints), np.zeros(self.joints, np.int64)
         if not joint_acceleration(self.joints, arm.M, arm.bias, arm.J, self._torque.h_ee, tau, qdd):
-            raise ValueError("Pad.acceleration gives no finite acceleration of the joints at this posture")
-        return qdd
-
-    def _move(self, qdd: Array, result: CycleResult) -> None:
-        """Integrate a joint acceleration over a period inside the limits of the motion; (n,) [rad/s^2]."""
-        limited = np.zeros(self.joints, np.int64)
+            raise ValueError("no finite acceleration of the joints at this posture")
         advance_motion(self.config.command, self._motion, qdd, result.joint.velocity, self._period_s, limited)
-
-    def _servo(self, result: CycleResult, velocity: Array) -> Array:
-        """Return the effort with which a joint goes to a velocity at `SERVO_RATE`; (n,) [rad/s] -> (n,) [N m].
-
-        M qdd + C qd + g - J^T h, with qdd = rate (velocity - qd): Eq. (1).
-        """
-        arm, n = result.arm, self.joints
-        h = np.concatenate((arm.rotation @ self._wrench[:3], arm.rotation @ self._wrench[3:]))
-        qdd = SERVO_RATE * (velocity - result.joint.velocity)
-        return np.asarray(arm.M[:n, :n] @ qdd + arm.bias[:n] - arm.J[:, :n].T @ h)
 
     def torque(self, result: CycleResult, acceleration: Array) -> Array:
         """Return the effort of an acceleration of the pad; (6,) {w} -> (n,) [N m].

@@ -7,11 +7,11 @@ import importlib
 import importlib.util
 import inspect
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
-from typing import Any, ClassVar, Final, Protocol, cast, runtime_checkable
+from typing import ClassVar, Final, Protocol, cast, runtime_checkable
 
 from slip_core.arrays import Array
 from slip_core.errors import InputError, UnknownName
@@ -109,8 +109,6 @@ class Seen:
 class Pad:
     """Acceleration of the pad; (6,) [m/s2, rad/s2] {w}, linear part first. It becomes an effort by Eq. (21).
 
-    For drives that take velocities or positions the acceleration that this effort gives the joints is integrated.
-
     grip: squeeze that is wanted, sum over both pads [N]; None: as before.
     """
 
@@ -120,24 +118,16 @@ class Pad:
 
 @dataclass(frozen=True, slots=True)
 class Effort:
-    """Joint efforts (n,) [N m] with the arm's weight, for drives that take them. grip: see `Pad`."""
+    """Joint efforts (n,) [N m] with the arm's weight. grip: see `Pad`.
+
+    Drives that take velocities or positions get the motion that these efforts give the arm's model.
+    """
 
     effort: Array
     grip: float | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Velocity:
-    """Joint velocities (n,) [rad/s]. grip: see `Pad`.
-
-    Drives that take efforts follow it by a velocity loop (`SERVO_RATE` of `driven`), others by their own.
-    """
-
-    velocity: Array
-    grip: float | None = None
-
-
-Answer = Pad | Effort | Velocity | None
+Answer = Pad | Effort | None
 """None: no command, the arm holds its posture by itself."""
 
 
@@ -151,7 +141,7 @@ class Law(Protocol):
             def step(self, seen): return slip_vic.Pad(np.zeros(6))
 
     needs: of `NEEDS`. `reset` is called once, before the first `step`; slow things (planning, compiling) belong there.
-    `step` is called in every control period and returns `Pad`, `Effort`, `Velocity` or None. A law of several arms has
+    `step` is called in every control period and returns `Pad`, `Effort` or None. A law of several arms has
     `several = True` and returns a tuple with one answer for each.
     """
 
@@ -168,11 +158,15 @@ class Law(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class FoundLaw:
-    """A law by its name; source: digest of the file that it stands in; `name` works on every worker."""
+    """A law by its name, which works on every worker.
+
+    source: digest of the file that it stands in; settings: assignments to the controller of the scenario.
+    """
 
     name: str
     kind: type[Law]
     source: str
+    settings: tuple[str, ...] = ()
 
     @property
     def label(self) -> str:
@@ -190,14 +184,12 @@ def find_law(name: str) -> FoundLaw:
     """Return a law: a name of `KNOWN`, `module:Class` or `file.py:Class`.
 
     `?number=value` behind it gives the class another value of a number that it has, `fixed_grip?factor=1.5`; a name
-    with a dot is a parameter of the controller, for laws that have `more`.
+    with a dot is a parameter of the controller.
 
     Raises:
         InputError: there is none, its module cannot be imported, or it is not a law.
     """
-    name, _, change = name.partition("?")
-    if change:
-        return _changed(find_law(name), change)
+    whole, (name, _, change) = name, name.partition("?")
     full = KNOWN.get(name, name)
     where, colon, kind = full.rpartition(":")
     if not colon or not where or not kind:
@@ -210,34 +202,25 @@ def find_law(name: str) -> FoundLaw:
         ) from error
     found = getattr(module, kind, None)
     if not inspect.isclass(found):
-        raise UnknownName("law", kind, _classes(module), where=where)
+        raise UnknownName(
+            "law", kind, [one for one, value in vars(module).items() if inspect.isclass(value)], where=where
+        )
     for method in ("reset", "step"):
         if not callable(getattr(found, method, None)):
             raise InputError(f"law {name}", got=f"no {method}()", expected="needs, reset(setup) and step(seen)")
     needs = getattr(found, "needs", None)
     if not isinstance(needs, (frozenset, set)) or not set(needs) <= set(NEEDS):
         raise InputError(f"law {name}: needs", got=needs, expected=f"a frozenset of {', '.join(NEEDS)}")
-    text = Path(inspect.getfile(found)).read_bytes()
-    return FoundLaw(name, cast("type[Law]", found), hashlib.sha256(text).hexdigest()[:16])
-
-
-def _changed(law: FoundLaw, change: str) -> FoundLaw:
-    """Return a law with another value of one of its numbers."""
-    key, _, text = change.partition("=")
-    own = hasattr(law.kind, "more") if "." in key else isinstance(getattr(law.kind, key, None), (int, float))
-    try:
-        value = float(text)
-    except ValueError:
-        own = False
-    if not own:
-        raise InputError(f"law {law.name}", got=f"?{change}", expected="?NUMBER=VALUE, of a number that the class has")
-    body: dict[str, Any] = {key: value} if "." not in key else {"more": {**getattr(law.kind, "more", {}), key: value}}
-    kind = cast("type[Law]", type(law.kind.__name__, (law.kind,), body))
-    return FoundLaw(f"{law.name}?{change}", kind, law.source)
-
-
-def _classes(module: ModuleType) -> Sequence[str]:
-    return [name for name, value in vars(module).items() if inspect.isclass(value) and hasattr(value, "step")] or [""]
+    source = hashlib.sha256(Path(inspect.getfile(found)).read_bytes()).hexdigest()[:16]
+    key, _, value = change.partition("=")
+    if change and "." not in key:
+        try:
+            found = type(kind, (found,), {key: type(getattr(found, key))(value)})
+        except (AttributeError, ValueError):
+            raise InputError(
+                f"law {name}", got=f"?{change}", expected="?NUMBER=VALUE, of a number that the class has"
+            ) from None
+    return FoundLaw(whole, cast("type[Law]", found), source, (f"controller.{change}",) if "." in key else ())
 
 
 def _module_of_file(path: Path) -> ModuleType:

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from slip_core.params import build, flatten
 from slip_core.types import EffortCommand
 from slip_vic.experiments.law import Answer, Effort, Seen, Setup
-from slip_vic.scenarios.scenario import Law as LawName
 from slip_vic_controller.params.node_params import ControllerNodeParams
 from slip_vic_controller.session.controller import Controller
 from slip_vic_controller.session.manifest import Manifest
@@ -22,27 +20,26 @@ class Vic:
 
     needs: ClassVar[frozenset[str]] = frozenset({"wrench", "slip"})
     several: ClassVar[bool] = True
-    configured: ClassVar[LawName] = "vic"
-    """Which law of `load_scenario` the parameters in `Setup` are for."""
-    more: ClassVar[Mapping[str, Any]] = {}
-    """Further parameters of the controller."""
+    configured: ClassVar[str] = "vic"
+    """Which of `run.OWN_LAWS` the parameters in `Setup` are for."""
     stiffness: ClassVar[float] = 1.0
     """Factor of the stiffness as configured; damping goes with its square root, so that the damping ratio stays."""
 
     def reset(self, setup: Setup) -> None:
         """Make the controller."""
-        params = {name: self._configured(own, f"controller {name}".strip()) for name, own in setup.parameters.items()}
+        params = {name: self._stiffened(own) for name, own in setup.parameters.items()}
         self._session = ControllerSession(Controller(params, setup.urdfs, lockstep=True))
         self._follows = [own.grip.control == "follow" for own in params.values()]
         self._wrench_counts, self._slip_counts = [0] * len(params), [0] * len(params)
         self._tick = itertools.count()
 
-    def _configured(self, own: ControllerNodeParams, where: str) -> ControllerNodeParams:
-        changed = dict(self.more)
-        if self.stiffness != 1.0:
-            changed["gains.stiffness"] = [self.stiffness * value for value in own.gains.stiffness]
-            changed["gains.damping"] = [math.sqrt(self.stiffness) * value for value in own.gains.damping]
-        return build(ControllerNodeParams, flatten(own) | changed, where) if changed else own
+    def _stiffened(self, own: ControllerNodeParams) -> ControllerNodeParams:
+        if self.stiffness == 1.0:
+            return own
+        stiffness = [self.stiffness * value for value in own.gains.stiffness]
+        damping = [math.sqrt(self.stiffness) * value for value in own.gains.damping]
+        changed = {"gains.stiffness": stiffness, "gains.damping": damping}
+        return build(ControllerNodeParams, flatten(own) | changed, "controller")
 
     def step(self, seen: Seen) -> Answer | tuple[Answer, ...]:
         """Answer as the controller does."""
@@ -83,4 +80,4 @@ class GovernedFollow(Governed):
     """Governed, and the grip follows the load."""
 
     needs = frozenset({"wrench", "slip", "grip"})
-    more: ClassVar[Mapping[str, Any]] = {"grip.control": "follow"}
+    configured = "governed_follow"

@@ -140,10 +140,10 @@ def play(driven: Driven | Controlled) -> tuple[str, str, dict[str, float]]:
 
 
 def _foreign(world: World, law: str) -> Driven:
-    kind = find_law(law).kind
-    configured = OWN_LAWS[getattr(kind, "configured", "classical")]
-    scenario = world.load(configured.law, configured.estimator)
-    return Driven(scenario, kind(), most_grip(world.track, scenario))
+    found = find_law(law)
+    configured = OWN_LAWS[getattr(found.kind, "configured", "classical")]
+    scenario = world.load(configured.law, configured.estimator, (*configured.more, *found.settings))
+    return Driven(scenario, found.kind(), most_grip(world.track, scenario))
 
 
 def most_grip(track: Capped, scenario: Scenario) -> float | None:

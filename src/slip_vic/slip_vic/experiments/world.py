@@ -11,7 +11,7 @@ from typing import Any, Final, Literal
 from slip_core.errors import UnknownName
 from slip_core.files.plain_yaml import read_yaml
 from slip_vic.run.versions import digest
-from slip_vic.scenarios.scenario import Estimator, Law, Scenario, cut_or_extend, load_scenario
+from slip_vic.scenarios.scenario import Estimator, Law, Scenario, load_scenario
 
 Track = Literal["", "capped", "free"]
 """Tracks of the benchmark. capped: the object would break, the squeeze is at most what the scenario has. free: what the
@@ -22,10 +22,7 @@ NO_MISMATCH: Final = "none"
 MISMATCHES: Final = (
     NO_MISMATCH,
     *(f"{what}{sign}" for what in ("mass", "inertia", "com", "friction", "wrench_bias") for sign in "+-"),
-    "joint_friction+",
 )
-COULOMB: Final = (1.0, 1.0, 0.8, 0.8, 0.4, 0.4, 0.3)
-"""Friction of an arm without compensation, joints 1 to 7; further ones have the last [N m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,38 +112,19 @@ def check_mismatches(names: Iterable[str]) -> None:
             raise UnknownName("mismatch", name, MISMATCHES)
 
 
-def coulomb_of(joints: int) -> list[float]:
-    """Return COULOMB of the joints of an arm (n,) [N m]."""
-    values: list[float] = cut_or_extend(list(COULOMB), joints)
-    return values
-
-
 def mismatch_assignments(name: str, known: Scenario) -> list[str]:
-    """Return what a mismatch sets in the bridge; a wrench bias is a share of the grip force along the pad's x.
-
-    More friction of the joints is SHARE of COULOMB, beside what their drives have.
-    """
+    """Return what a mismatch sets in the bridge; a wrench bias is a share of the grip force along the pad's x."""
     if name == NO_MISMATCH:
         return []
     what, factor = name[:-1], 1.0 + SHARE * (1.0 if name[-1] == "+" else -1.0)
     bridge = known.first
-    prefixes = {f"{arm}." if arm else "": params for arm, params in known.bridges.items()}
     if what == "mass":
         return [f"bridge.object.mass={bridge.object.mass * factor}"]
     if what == "inertia":
         return [f"bridge.object.inertia={[value * factor for value in bridge.object.inertia]}"]
     if what == "com":
-        return [
-            f"{arm}bridge.contacts.position={[value * factor for value in params.contacts.position[:3]]}"
-            for arm, params in prefixes.items()
-        ]
-    if what == "joint_friction":
-        found = []
-        for arm, params in prefixes.items():
-            own = params.drive.of_joints("coulomb", len(params.joint_names))
-            more = [a + SHARE * b for a, b in zip(own, coulomb_of(len(own)), strict=True)]
-            found.append(f"{arm}bridge.drive.coulomb={more}")
-        return found
+        moved = {arm: [value * factor for value in own.contacts.position[:3]] for arm, own in known.bridges.items()}
+        return [f"{f'{arm}.' if arm else ''}bridge.contacts.position={position}" for arm, position in moved.items()]
     if what == "friction":
         friction = bridge.friction
         return [f"bridge.friction.mu_s={friction.mu_s * factor}", f"bridge.friction.mu_k={friction.mu_k * factor}"]
