@@ -55,9 +55,9 @@ TO_DO = {
     "object was pushed, friction is more than what that slip has taught: `~/reset_fault` plans with the configured friction.",
     Cause.OVERRUNS: "The friction fell while it moved. More grip; `governor.margin` leaves more room.",
     Cause.ENDLESS_SLIP: "Pads tremble with the joints, or a bias came after the tare: `~/tare` at rest, or a larger `governor.pre_sliding`.",
-    Cause.UNSEEN_SLIP: "Look at the slip sensor: it reads zero, or not this contact. Where it is right, `object.mass` is larger than the "
-    "object's, or the wrench reads too little: call `~/tare` at rest. `~/reset_fault` plans with the configured friction.",
-    Cause.HALTED: "More grip or friction, a lighter object or another path. Where it cannot be: `governor.friction: known`.",
+    Cause.CONTRADICTS: "Look at the slip sensor: it reads zero, not this contact, or on other axes than those of the pad. Where it is right, "
+    "`object.mass` is larger than the object's, or the wrench reads too little: call `~/tare` at rest. `~/reset_fault` begins again with "
+    "the configured friction.",
     Cause.JOINT: "Check this joint's encoder, its sign and its driver; after a collision clear the arm. Where efforts are "
     "late set `drive.delay_s`. Then `~/reset_fault`.",
     Cause.GIVEN_UP: "Object or contact differ from the configuration: check `object.mass`, `contacts.position` and the wrench's frame.",
@@ -80,7 +80,6 @@ FAULT_TO_DO = {
     Fault.STALE: "Samples arrive with old stamps: latency of the driver.",
     Fault.FROZEN: "The sensor repeats itself: power, cable, or a quantum larger than what is measured.",
     Fault.INVALID: "The sensor reports that it cannot measure: light, contact, calibration.",
-    Fault.IMPLAUSIBLE: "The wrench shows slip that the sensor does not: sign, frame or calibration of the slip sensor.",
     Fault.SECOND_PUBLISHER: "The reason names the topic: stop one of them.",
     Fault.FOREIGN_COMMAND: "Another controller commands the arm: stop it, then `~/reset_fault`.",
     Fault.NOT_RUN: "The computer was busy: real-time priority (`--fifo`), a free core (`--cpu`).",

@@ -9,7 +9,7 @@ import numpy as np
 from slip_core.compiled import BOOL, IN1, IN2, INT, OUT1, REAL, VOID, kernel, part
 from slip_core.records import Mat3, Real, Record, Vec3, dtype_of, new, record
 from slip_core.vectors import ZERO, Spatial, Vec, mat, put_spatial, spatial, vec
-from slip_vic_controller.contact.friction_estimate import Friction, slip_sample
+from slip_vic_controller.contact.friction_estimate import Friction, remember, slip_sample
 from slip_vic_controller.governor import governor as g
 from slip_vic_controller.governor.guard import hold_back
 from slip_vic_controller.governor.layouts import GOVERNOR, GOVERNOR_CONFIG, PAD
@@ -111,26 +111,23 @@ def _plan(config, state, grid):
     g.plan(c, s, record(grid, PATH_GRID))
 
 
-@kernel(VOID(IN1, OUT1, OUT1, IN1, INT))
-def _record_load(config, state, pad, h_ee, now_ns):
-    c, s, p = record(config, GOVERNOR_CONFIG), record(state, GOVERNOR), record(pad, PAD)
-    p.estimate = s.estimate
-    g.record_load(c, p, spatial(h_ee), now_ns)
-    s.estimate = p.estimate
+@kernel(VOID(OUT1, REAL, INT))
+def _record_load(pad, measured, now_ns):
+    p = record(pad, PAD)
+    remember(p.loads, now_ns, measured, p.commanded)
 
 
-@kernel(BOOL(IN1, OUT1, OUT1, INT, REAL))
-def _slip(config, state, pad, stamp_ns, speed):
-    c, s, p = record(config, GOVERNOR_CONFIG), record(state, GOVERNOR), record(pad, PAD)
-    return slip_sample(c.estimate, s.estimate, p.loads, stamp_ns, Spatial(Vec(speed, 0.0, 0.0), ZERO), False)
+@kernel(BOOL(IN1, OUT1, INT, REAL))
+def _slip(config, pad, stamp_ns, speed):
+    c, p = record(config, GOVERNOR_CONFIG), record(pad, PAD)
+    return slip_sample(c.estimate, p.estimate, p.loads, stamp_ns, Spatial(Vec(speed, 0.0, 0.0), ZERO), False)
 
 
 @kernel(REAL(IN1, OUT1, OUT1, IN1, IN2, IN1, IN1, IN1))
 def _hold_back(config, state, pad, grasped, R, w, a_C, a_d):
     c, s, held = record(config, GOVERNOR_CONFIG), record(state, GOVERNOR), _held(record(grasped, OBJECT))
     p = record(pad, PAD)
-    p.estimate = s.estimate
-    return hold_back(c, s.ceiling, p, held, mat(R), vec(w), spatial(a_C), spatial(a_d), p.estimate.slipping != 0)
+    return hold_back(c, s.ceiling, p, held, mat(R), vec(w), spatial(a_C), spatial(a_d), s.contact.slipping != 0)
 
 
 @kernel(VOID(IN1, IN1, IN2, IN1, IN1, OUT1))
@@ -189,16 +186,16 @@ class Governor:
         return p, R_d, out[:6], out[6:]
 
     def record_load(self, h_ee, now_ns):
-        config, state, _, pad = self.buffers
-        _record_load(config, state, pad, h_ee, now_ns)
+        weights = np.where(np.arange(6) < 3, 1.0, 1.0 / self.case.radius) * self.case.axes
+        _record_load(self.buffers[3], float(np.linalg.norm(weights * h_ee)), now_ns)
 
     def after(self, a_C, a_d, R, w):
         config, state, _, pad = self.buffers
         return _hold_back(config, state, pad, self.grasped, np.ascontiguousarray(R), w, a_C, a_d)
 
     def slip(self, stamp_ns, speed):
-        config, state, _, pad = self.buffers
-        return _slip(config, state, pad, stamp_ns, speed)
+        config, _, _, pad = self.buffers
+        return _slip(config, pad, stamp_ns, speed)
 
     def load_of(self, R, w, a):
         out = np.empty(6)

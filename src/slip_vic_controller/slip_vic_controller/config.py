@@ -56,8 +56,6 @@ LEAST_SHARE, TRUST = 0.02, 0.5
 """Least friction that is accepted, of the configured one; least load of the model, of the measured one."""
 PATH_LENGTH_M, PATH_FLOOR_M_S = 0.1, 0.05
 """Time-optimal: length that makes turning a way, and the speed at which the path continues where it turns back."""
-LONGEST_LOOP_S = 0.02
-"""Delay of the compensation's loop, from slip to its answer, above which the governor works without it."""
 UNTOLD_S = 0.003
 """By which efforts may be later than told, for the bound on kappa [s]: with 2 ms two arms swing at kappa 0.8."""
 SHARED_RESERVE = 0.3
@@ -74,18 +72,8 @@ NEVER_FROZEN_NS = 2**62
 CONFIRMED = 2
 """Slip samples in a row that are believed where the observer finds slip too, on an arm whose joints are estimated: it
 finds some there that are none, and one sample may be an outlier."""
-CONTRADICTS_S = 0.05
-"""How long slip sensor and wrench must contradict each other, beyond the delay of the sensor."""
 QUIET_S = 0.05
 """Without slip for so long, it holds again."""
-FALL_SHARE = 1.0 / 3.0
-"""Share of the speed of a fall that is a fault at which the compensation is given up: it may be what falls."""
-EARLY_FALL_M_S, LONGEST_S = 0.01, 1e3
-"""The same where joints are estimated: behind drives that are not known exactly a fall is not caught any more. And the
-time for which the compensation may then be at work, as long as nothing falls."""
-FASTEST_SLIP_M_S, FASTEST_SLIP_S = 0.08, 0.01
-"""Slip that compensation behind such drives does not end: where it is as fast, the two swing against each other. And
-for how long: an estimate that begins with a wrong model is as fast for some cycles."""
 HOLD_PERIOD_S = 0.01
 """Longest control period at which HOLD has its configured gains; beyond it is the same loop in slow motion [s]."""
 STOPS_WITHIN = 2.0
@@ -131,7 +119,6 @@ def make_config(params: ControllerParams, robot: Robot, *, lockstep: bool, arms:
     config.hold.joints, config.hold.carriers = len(robot.joint_names), max(arms, params.contacts.count)
     _fill_hold(config.hold, params)
     _fill_governor(config.governor, params)
-    _fill_giving_up(config, params)
     config.stream.on = int(governed_stream(params))
     config.stream.preview_s = params.governor.preview_s
     config.stream.spacing_s = params.governor.preview_s / SAMPLES_AHEAD
@@ -193,34 +180,16 @@ def governed_stream(params: ControllerParams) -> bool:
 
 
 def gate_shut(params: ControllerParams) -> bool:
-    """Return whether the law takes the object as held, whatever the slip sensor reports: it reports no speed."""
-    return params.slip_input == "flag" or params.grip.control == "follow"
+    """Return whether the law takes the object as held, whatever the slip sensor reports.
 
-
-def prevents_alone(params: ControllerParams) -> bool:
-    """Return whether the governor works better without compensation: on an arm as it is, and where sensors are late.
-
-    Of the worlds with noise, friction and delays of joints that nobody has configured, prevention alone loses fewer
-    objects; and it does where slip sensor or drives are as late as this.
+    A flag reports no speed; and below a governor, which prevents slip, compensation answers what noise and delays make
+    of the slip velocity.
     """
-    sensor = params.slip_sensor
-    loop_s = sensor.latency_s + sensor.period_s + params.joint_sensor.latency_s + params.drive_lag_s
-    return params.governor.mode != "off" and (loop_s > LONGEST_LOOP_S or params.estimates_joints)
+    return params.slip_input == "flag" or params.governor.mode != "off"
 
 
 def _copy(config: Any, name: str, buffer: Array, layout: np.dtype[np.void]) -> None:
     config[name] = buffer.view(layout)[0]
-
-
-def _fill_giving_up(config: ControllerConfig, params: ControllerParams) -> None:
-    given, gains = config.giving_up, params.gains
-    bounded = params.bounded_authority
-    given.on, given.witness = int(gains.give_up or bounded), int(config.governor.mode != Governing.OFF)
-    given.longest_s, given.error, given.calm_s = gains.give_up_after_s, gains.give_up_error_m, gains.give_up_after_s
-    if not gains.give_up:  # a slip that needs longer than that may still end
-        given.longest_s, given.error = LONGEST_S, math.inf
-    given.fall = EARLY_FALL_M_S if bounded else FALL_SHARE * params.safety.load.drop_speed
-    given.speed, given.fast_s = FASTEST_SLIP_M_S if bounded else math.inf, FASTEST_SLIP_S
 
 
 def _fill_cycle(cycle: CycleConfig, params: ControllerParams, joints: int) -> None:
@@ -236,9 +205,7 @@ def _fill_cycle(cycle: CycleConfig, params: ControllerParams, joints: int) -> No
     cycle.has_observer = int(params.slip_estimator == "observer")
     cycle.dead_band_linear, cycle.dead_band_angular = dead_band.dead_band_linear, dead_band.dead_band_angular
     cycle.pad_stiffness = params.gains.pad_stiffness
-    cycle.slip_delay_ns, cycle.gate_shut = (
-        seconds_to_ns(params.slip_delay_s), int(gate_shut(params) or prevents_alone(params))
-    )  # fmt: skip
+    cycle.slip_delay_ns, cycle.gate_shut = seconds_to_ns(params.slip_delay_s), int(gate_shut(params))
     cycle.models_wrench = int(params.wrench.source == "none")
     cycle.leaves_gravity = int(params.effort.gravity == "robot_compensates")
     cycle.k_s_adapts, cycle.k_s_margin = int(params.gains.k_s_mode != "fixed"), params.gains.k_s_margin
@@ -300,8 +267,7 @@ def _fill_modes(config: ControllerConfig, params: ControllerParams) -> None:
     arbitration.unseen_ns = seconds_to_ns(unseen_s)
     arbitration.gap_ns = seconds_to_ns(safety.inputs.joint.age_s)
     arbitration.late_after = ACCEPT_AFTER
-    arbitration.slip_needed = int(params.controller == "vic")
-    arbitration.blind_ns = seconds_to_ns(CONTRADICTS_S + params.slip_sensor.latency_s + params.slip_sensor.period_s)
+    arbitration.slip_needed = int(params.controller != "classical")
     arbitration.resume_slip_linear = safety.resume_slip_linear
     arbitration.resume_slip_angular = safety.resume_slip_angular
 
@@ -336,8 +302,6 @@ def _fill_drop(drop: DropDetectionConfig, params: ControllerParams) -> None:
         drop.down[:] = np.array(params.gravity) / g
     drop.drop_speed, drop.memory_s = safety.load.drop_speed, FALLS_WITHIN_S
     drop.error_linear, drop.error_angular = safety.limits.error_linear, safety.limits.error_angular
-    unseen = gate_shut(params) or params.wrench.source == "none"  # the model's load shows no slip
-    drop.evidence = math.inf if unseen else safety.fallback.evidence
 
 
 def _fill_observer(config: ControllerConfig, params: ControllerParams) -> None:
@@ -391,16 +355,13 @@ def _fill_governor(governor: GovernorConfig, params: ControllerParams) -> None:
     governor.window = min(max(1, round(given.window_s / params.control_period_s)), MAX_WINDOW)
     # Several arms without a common path pull the object apart, and no way is left to brake in.
     governor.led = int(len(params.contacts.position) == 3)
-    governor.guards = int(governor.led != 0 and prevents_alone(params))
     estimate = governor.estimate
     estimate.friction, estimate.configured, estimate.kept = Friction[given.friction.upper()], given.friction_limit, KEPT
-    estimate.calmed = GIVEN_UP
     estimate.least, estimate.probe, estimate.trust = LEAST_SHARE * given.friction_limit, given.probe, TRUST
     noise = math.hypot(math.sqrt(2.0) * sensor.noise_linear, given.torsional_radius * sensor.noise_angular)
     estimate.threshold = max(LEAST_SLIP_M_S, NOISE_DEVIATIONS * noise, sensor.quantum_linear)
     estimate.noise_ns = seconds_to_ns(NOISE_S) if params.tare.duration_s > 0.0 else 0
     estimate.pre_sliding = given.pre_sliding
-    estimate.growth = estimate.threshold if params.joint_sensor.estimates else 0.0
     estimate.witnesses = witnesses(params)
     estimate.confirmed = min(CONFIRMED, estimate.witnesses) if params.estimates_joints else 1
     estimate.quiet_ns = seconds_to_ns(QUIET_S)

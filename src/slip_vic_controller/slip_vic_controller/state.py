@@ -18,7 +18,7 @@ from slip_vic_controller.interfaces import WrenchSensor
 from slip_vic_controller.law.arm import Arm
 from slip_vic_controller.law.config import LawConfig
 from slip_vic_controller.law.contact import ContactSample, Slip
-from slip_vic_controller.law.extensions import CompensationState, GivingUpConfig
+from slip_vic_controller.law.extensions import CompensationState
 from slip_vic_controller.law.gains import LawGains, Ramp
 from slip_vic_controller.law.law import Evaluation
 from slip_vic_controller.law.symbols import SlipEstimate
@@ -71,7 +71,6 @@ class ControllerConfig(Record):
 
     law: LawConfig
     gains: LawGains
-    giving_up: GivingUpConfig
     path: Path
     observer: ObserverConfig
     cycle: CycleConfig

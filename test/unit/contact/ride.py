@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from test.unit.contact.rig import MS, Observer, make_motion, make_params
+from test.unit.contact.rig import MS, Observer, given, make_motion
 
 SENSOR = {"slip_sensor__noise_linear": 2e-3, "slip_sensor__noise_angular": 0.05}
 SLIDE = np.array((0.5, -0.3, 0.4, 2.0, -1.5, 3.0))
@@ -73,7 +73,7 @@ def digests() -> list[str]:
     digest = hashlib.sha256()
     for seed, axes in ((1, (True, True, False, False, False, True)), (2, (True,) * 6)):
         values = {"slip_sensor__dead_band_linear": 2e-3, "observer__memory_s": 0.02, "contacts__slip_axes": axes}
-        observer = Observer(make_params(**SENSOR, **values), rows=200)
+        observer = Observer(*given(**SENSOR, **values), rows=200)
 
         def move(motion, stamp_ns, samples, observer=observer):
             assert observer.observe(motion, stamp_ns, samples)

@@ -8,7 +8,7 @@ from slip_core.arrays import Array
 from slip_core.compiled import BOOL, IN1, IN2, INT, OUT1, OUT2, VOID, kernel
 from slip_core.params import build
 from slip_core.records import new, record, records
-from slip_vic_controller.contact.config import capacity, observer_config
+from slip_vic_controller.contact.config import TUNING, Tuning, capacity, observer_config
 from slip_vic_controller.contact.layouts import MOTION, OBSERVER, OBSERVER_CONFIG, ROW_SIZE
 from slip_vic_controller.contact.observer import observe, reset
 from slip_vic_controller.law.contact import SLIP_SAMPLE
@@ -21,6 +21,14 @@ PLANE = (True, True, False, False, False, True)
 def make_params(**values) -> ControllerParams:
     given = {"contacts.slip_axes": PLANE, **{name.replace("__", "."): value for name, value in values.items()}}
     return build(ControllerParams, given, "test")
+
+
+def given(**values) -> tuple[ControllerParams, Tuning]:
+    """Return parameters, and the tuning of the observer: values whose names begin with observer__."""
+    tuned = {
+        name.removeprefix("observer__"): values.pop(name) for name in list(values) if name.startswith("observer__")
+    }
+    return make_params(**values), TUNING._replace(**tuned)
 
 
 def six(x: float = 0.0, y: float = 0.0, turn: float = 0.0) -> np.ndarray:
@@ -48,17 +56,19 @@ class Observer:
     """The observer that runs, with its buffers.
 
     Args:
-        params: of the controller.
+        params, tuning: of the controller and the observer.
         start_ns: stamp of the tick before the first one.
         rows: capacity of the history, where it is not what the parameters ask for.
     """
 
-    def __init__(self, params: ControllerParams, start_ns: int = 0, rows: int | None = None) -> None:
-        self.config_buffer = observer_config(params)
+    def __init__(
+        self, params: ControllerParams, tuning: Tuning = TUNING, start_ns: int = 0, rows: int | None = None
+    ) -> None:
+        self.config_buffer = observer_config(params, tuning)
         self.config = record(self.config_buffer, OBSERVER_CONFIG)
         self.buffer = new(OBSERVER)
         self.state = record(self.buffer, OBSERVER)
-        self.history = np.zeros((rows or capacity(params), ROW_SIZE))
+        self.history = np.zeros((rows or capacity(params, tuning), ROW_SIZE))
         reset_buffers(self.config_buffer, self.buffer, start_ns, np.zeros(6))
 
     def observe(self, motion: np.ndarray, stamp_ns: int, samples) -> bool:
@@ -97,11 +107,11 @@ class Bench:
     """A pad that accelerates by given steps over an object whose acceleration the wrench reports.
 
     Args:
-        values: parameters, with __ for dots.
+        values: as of `given`.
     """
 
     def __init__(self, **values) -> None:
-        self.observer = Observer(make_params(**values))
+        self.observer = Observer(*given(**values))
         self.config, self.state = self.observer.config, self.observer.state
         self.twist, self.tick = np.zeros(6), 0
 

@@ -12,11 +12,11 @@ from slip_core.records import new, record
 from slip_vic_controller.contact.config import observer_config
 from slip_vic_controller.contact.layouts import OBSERVER, OBSERVER_CONFIG, ROW
 from slip_vic_controller.contact.slip import is_confirmed
-from test.unit.contact.rig import make_params
+from test.unit.contact.rig import given, make_params
 
 
 def config_of(**values):
-    return record(observer_config(make_params(**values)), OBSERVER_CONFIG)
+    return record(observer_config(*given(**values)), OBSERVER_CONFIG)
 
 
 @pytest.mark.parametrize(
@@ -67,7 +67,7 @@ def test_variances_follow_from_noise_and_inertia() -> None:
 def test_sensor_variances_have_a_floor() -> None:
     config = config_of(
         slip_sensor__noise_linear=0.0, slip_sensor__quantum_linear=0.0, slip_sensor__noise_angular=0.0,
-        observer__min_slip_std_m_s=3e-4, observer__min_slip_std_rad_s=7e-3,
+        observer__least_slip=(3e-4, 7e-3),
     )  # fmt: skip
     for name in ("measurement_variance", "floor_variance"):
         np.testing.assert_allclose(config[name], [9e-8] * 3 + [49e-6] * 3, rtol=1e-12, err_msg=name)

@@ -1,4 +1,4 @@
-"""The friction limit: learnt from slip samples, provisional from the observer, certain from what was carried."""
+"""The friction limit: learnt from slip samples, certain from what was carried."""
 
 from types import SimpleNamespace
 
@@ -11,22 +11,18 @@ from slip_vic_controller.contact.friction_estimate import (
     ESTIMATE,
     ESTIMATE_CONFIG,
     GIVES_M,
-    LEAST_FRICTION,
     LOAD_HISTORY,
     OBSERVED,
     PLAUSIBLE,
     Friction,
-    certain,
     certify,
     first_friction,
-    provisional,
     remember,
     slip_sample,
     start_estimate,
-    suspect,
 )
 
-CONFIGURED, KEPT, CALMED, THRESHOLD, DELAY_NS = 1.0, 0.95, 0.985, 0.02, 100_000_000
+CONFIGURED, KEPT, THRESHOLD, DELAY_NS = 1.0, 0.95, 0.02, 100_000_000
 MS = 1_000_000
 
 
@@ -34,7 +30,6 @@ def estimate(friction: Friction = Friction.LEARNT, **values: float) -> SimpleNam
     """Return config, state and history of a contact at rest that is configured to carry 1 N."""
     config, state, history = (record(new(dtype), dtype) for dtype in (ESTIMATE_CONFIG, ESTIMATE, LOAD_HISTORY))
     config.friction, config.configured, config.kept, config.least, config.probe = friction, CONFIGURED, KEPT, 0.01, 0.02
-    config.calmed = CALMED
     config.threshold, config.quiet_ns, config.sensor_delay_ns, config.trust = THRESHOLD, 50 * MS, DELAY_NS, 0.7
     for name, value in values.items():
         config[name] = value
@@ -56,13 +51,6 @@ def sample(e: SimpleNamespace, stamp_ms: float, speed: float, found: bool = Fals
     return learns
 
 
-def cycle(e: SimpleNamespace, ms: int, load: float, found: bool, speed: float = 0.0, weight: float = 0.0) -> float:
-    """Do one cycle; return the friction limit that is planned with."""
-    carry(e, ms, load)
-    suspect(e.config, e.state, e.history, ms * MS, found, speed, weight)
-    return float(certain(e.config, e.state, 1.0))
-
-
 @pytest.mark.parametrize(("friction", "rests_with", "first"), [
     (Friction.LEARNT, 1.1, 1.1 / KEPT),
     (Friction.LEARNT, 0.98, CONFIGURED),
@@ -75,114 +63,6 @@ def test_load_at_rest_raises_first_limit(friction: Friction, rests_with: float, 
     assert first_friction(e.config, rests_with) == first
     start_estimate(e.config, e.state, e.history, 1.1, rests_with)
     assert (e.state.F_hat, e.state.first) == (first, first)
-
-
-# -- suspicion of the observer
-
-
-def test_suspicion_limits_the_plan() -> None:
-    e = estimate()
-    assert cycle(e, 0, 0.7, found=False) == CONFIGURED
-    assert np.isclose(cycle(e, 1, 0.8, found=True), KEPT * 0.8)
-    assert np.isclose(cycle(e, 2, 0.6, found=False), KEPT * 0.8), "the end of that slip takes nothing back"
-    assert (e.state.F_hat, e.state.events, e.state.slipping) == (CONFIGURED, 0, 0), "nothing is learnt by it"
-
-
-def test_fast_sensor_overrides_the_observer() -> None:
-    e = estimate(sensor_delay_ns=0)
-    assert cycle(e, 0, 0.8, found=True, speed=2.0 * THRESHOLD) == CONFIGURED
-
-
-@pytest.mark.parametrize(("friction", "load", "weight", "limit"), [
-    (Friction.LEARNT, 0.9 * LEAST_FRICTION, 0.0, CONFIGURED),  # so little friction is implausible
-    (Friction.LEARNT, 1.1 * LEAST_FRICTION, 0.0, KEPT * 1.1 * LEAST_FRICTION),
-    (Friction.LEARNT, 0.8, 0.81, CONFIGURED),  # the weight alone loads more
-    (Friction.KNOWN, 0.8, 0.0, CONFIGURED),
-])  # fmt: skip
-def test_implausible_suspicion_is_ignored(friction: Friction, load: float, weight: float, limit: float) -> None:
-    assert cycle(estimate(friction), 0, load, found=True, weight=weight) == limit
-
-
-def test_suspicion_never_raises_the_limit() -> None:
-    e = estimate()
-    e.state.F_hat, e.state.slipped_at = 0.5, 0.55
-    cycle(e, 0, 0.8, found=True)
-    assert provisional(e.config, e.state) == (0.5, 0.55)
-
-
-@pytest.mark.parametrize(("stamp_ms", "noise_ms", "stays"), [
-    (5, 0, True), (9, 0, True), (10, 0, False), (20, 0, False), (16, 10, True), (22, 10, False),
-])  # fmt: skip
-def test_sensor_at_rest_withdraws_suspicion(stamp_ms: int, noise_ms: int, stays: bool) -> None:
-    """Only a sample of the time from which the slip must be visible does."""
-    e = estimate(noise_ns=noise_ms * MS)
-    for ms in range(30):
-        cycle(e, ms, 0.8, found=True, speed=2.0 * THRESHOLD if ms >= 10 else 0.5 * THRESHOLD)
-    sample(e, stamp_ms, 0.0)
-    assert bool(e.state.suspected) is stays
-    assert (cycle(e, 30, 0.8, found=True) == CONFIGURED) is not stays, "the same slip is not found twice"
-
-
-def test_denied_slip_returns_once_it_grows() -> None:
-    e = estimate()
-    cycle(e, 0, 0.8, found=True, speed=2.0 * THRESHOLD)
-    sample(e, 5, 0.0)
-    for ms, speed in ((6, 1.9), (7, 0.5), (8, 1.4)):
-        cycle(e, ms, 0.9, found=True, speed=speed * THRESHOLD)
-        assert e.state.suspected == 0, speed
-    cycle(e, 9, 0.9, found=True, speed=1.6 * THRESHOLD)
-    assert (e.state.suspected, e.state.suspected_at) == (1, 0.9), "as fast as counts, and a threshold more than before"
-
-
-@pytest.mark.parametrize("speed", [0.0, 3.0])
-def test_slip_already_seen_is_ignored(speed: float) -> None:
-    e = estimate()
-    e.state.slipping = 1
-    cycle(e, 0, 0.8, found=True, speed=speed * THRESHOLD)
-    e.state.slipping = 0
-    cycle(e, 1, 0.8, found=True, speed=3.5 * THRESHOLD)
-    assert e.state.suspected == (speed == 0.0)
-
-
-def test_growing_slip_lowers_suspicion() -> None:
-    e = estimate()
-    for ms in range(4000):
-        F = cycle(e, ms, 0.8, found=True, speed=1e-6 * ms)
-        assert np.isclose(F, max(0.8 * KEPT ** (ms // 101 + 1), KEPT * LEAST_FRICTION))
-    assert np.isclose(F, KEPT * LEAST_FRICTION)
-
-
-@pytest.mark.parametrize(("speed", "factor"), [(3.0, 1.0), (5.0, KEPT)])
-def test_faster_slip_found_again_has_grown(speed: float, factor: float) -> None:
-    e = estimate()
-    cycle(e, 0, 0.8, found=True, speed=3.0 * THRESHOLD)
-    for ms in range(1, 102):
-        cycle(e, ms, 0.8, found=False)
-    assert np.isclose(cycle(e, 102, 0.8, found=True, speed=speed * THRESHOLD), KEPT * 0.8 * factor)
-
-
-def test_growth_within_noise_is_ignored() -> None:
-    e = estimate(growth=THRESHOLD)
-    for ms in range(400):
-        limit = cycle(e, ms, 0.9 if ms == 0 else 0.6, found=True, speed=0.001 + 0.9 * THRESHOLD * (ms % 2))
-    assert np.isclose(limit, KEPT * 0.9)
-
-
-def test_lasting_load_calms_suspicion() -> None:
-    e = estimate()
-    cycle(e, 0, 0.9, found=True, speed=0.001)
-    for ms in range(1, 202):
-        limit = cycle(e, ms, 0.6, found=True, speed=0.001 * (1 + ms))
-    assert np.isclose(limit, KEPT * KEPT * 0.9), "a slip that grows lowers it"
-    for first, last, load, expected in (
-        (202, 503, 0.88, KEPT * KEPT * 0.9),  # not yet
-        (503, 505, 0.88, CALMED * min(0.88 / CALMED, 0.9)),
-        (505, 900, 5.0, CALMED * 0.9),  # never what has slipped
-    ):
-        for ms in range(first, last):
-            limit = cycle(e, ms, load, found=False)
-        assert np.isclose(limit, expected)
-    assert np.isclose(cycle(e, 900, 0.88, found=True), KEPT * 0.9), "a new slip ends the calm"
 
 
 # -- slip samples
@@ -294,17 +174,6 @@ def test_brief_gap_is_the_same_slip() -> None:
     assert not sample(e, 25, 0.0)
     assert not sample(e, 30, 2.0 * THRESHOLD), "it slides at that load"
     assert (e.state.F_hat, e.state.events) == (KEPT * 0.8, 1)
-
-
-@pytest.mark.parametrize(("suspected_at", "load"), [(0.7, 0.8), (0.8, 0.7)])
-def test_smaller_onset_load_teaches(suspected_at: float, load: float) -> None:
-    e = estimate()
-    for ms in range(20):
-        cycle(e, ms, suspected_at if ms < 10 else load, found=True)
-    assert sample(e, 15, 2.0 * THRESHOLD, found=True)
-    assert (e.state.suspected, e.state.slipping) == (0, 1)
-    assert np.isclose(e.state.F_hat, KEPT * 0.7)
-    assert np.isclose(e.state.slipped_at, 0.7)
 
 
 @pytest.mark.parametrize(("before", "after"), [(0.9, KEPT * 0.8), (0.3, 0.3)])

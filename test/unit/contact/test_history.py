@@ -13,12 +13,12 @@ from slip_vic_controller.contact.layouts import ROW, SAMPLE_ROW, TICK_ROW
 from slip_vic_controller.contact.slip import LASTING, contradicted_since
 from test.support.call import call
 from test.unit.contact.ride import SENSOR
-from test.unit.contact.rig import MS, Bench, Observer, make_motion, make_params, six
+from test.unit.contact.rig import MS, Bench, Observer, given, make_motion, make_params, six
 
 
 def sliding_observer(rows: int | None = None, **values) -> tuple[Observer, int]:
     """An observer in slip at 20 mm/s, and the stamp of its last tick."""
-    observer = Observer(make_params(**SENSOR, observer__drag_spread=0.0, **values), rows=rows)
+    observer = Observer(*given(**SENSOR, observer__drag_spread=0.0, **values), rows=rows)
     twist = np.zeros(6)
     for k in range(1, 121):
         twist = twist + six(x=1e-3 if k > 100 else 0.0)
@@ -63,9 +63,9 @@ def test_unfiltered_axes_stay_zero() -> None:
 
 def test_samples_of_a_tick_are_sorted() -> None:
     samples = [(2 * MS, six(x=3e-5)), (3 * MS, six(x=1e-5)), (3 * MS, six(x=2e-5)), (3 * MS, six(x=2e-5))]
-    for given in itertools.permutations(samples):
+    for order in itertools.permutations(samples):
         observer = Observer(make_params(**SENSOR))
-        assert observer.observe(make_motion(np.zeros(6)), 5 * MS, given)
+        assert observer.observe(make_motion(np.zeros(6)), 5 * MS, order)
         mean = 0.0
         for _, twist in samples:
             mean += observer.config.smoothing * (twist[0] - mean)
@@ -104,7 +104,7 @@ def test_long_slip_keeps_the_memory() -> None:
 
 def test_capacity_follows_the_parameters() -> None:
     def rows(**values) -> int:
-        return capacity(make_params(**values))
+        return capacity(*given(**values))
 
     assert rows() == 301 + 301 + SPARE_ROWS
     assert rows(slip_sensor__rate_hz=100.0) == 301 + 31 + SPARE_ROWS

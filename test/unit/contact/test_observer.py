@@ -134,12 +134,11 @@ def test_doubt_is_not_rest() -> None:
     """After 0.1 s of a noisy wrench 2 mm/s could be none, but taken for rest the object would slide unseen."""
     doubtful = {"wrench_sensor__noise_force": 0.1, "observer__drag_spread": 0.0}
     eager = {
-        "observer__stick_acceleration_std_m_s2": 10.0,
-        "observer__stick_acceleration_std_rad_s2": 1e3,
+        "observer__stick_acceleration": (10.0, 1e3),
     }  # the model itself counts as known
     ends = {}
     for calm in (6e-4, 1.0):
-        bench = Bench(**doubtful, **eager, observer__stick_speed_std_m_s=calm, observer__stick_speed_std_rad_s=100.0)
+        bench = Bench(**doubtful, **eager, observer__stick_speed=(calm, 100.0))
         for _ in range(200):
             bench.step(np.zeros(6))
         for k in range(140):

@@ -56,8 +56,8 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     ({"wrench.zero_after": 10**18}, ["wrench.zero_after", "less than or equal to"]),
     ({"control_period_s": 1e-9}, ["control_period_s", "greater than or equal to 0.00001"]),
     (
-        {"slip_estimator": "observer", "observer.memory_s": 1e6, "gains.k_s": 100.0},
-        ["observer.memory_s", "rows"],
+        {"slip_estimator": "observer", "slip_sensor.rate_hz": 1e6, "gains.k_s": 100.0},
+        ["slip_sensor.rate_hz", "rows"],
     ),
 ]
 

@@ -19,7 +19,7 @@ from test.support.small_arm import HOME, small_arm_urdf
 
 MS = 1_000_000
 REST = np.zeros(7)
-LET_BE = {"safety.fallback.evidence": 10.0, "safety.load.drop_speed": 10.0, "safety.inputs.frozen_s": 5.0}
+LET_BE = {"safety.load.drop_speed": 10.0, "safety.inputs.frozen_s": 5.0}
 """An arm that stands still whatever its effort, with a wrench to match, would be taken for what it is."""
 STIFF = {"gains.stiffness": (20.0,) * 6, "gains.damping": (5.0,) * 6}
 WEIGHT = np.array([0.0, 0.0, -4.9, 0.0, 0.0, 0.0])

@@ -10,7 +10,7 @@ import pytest
 from slip_core.records import new, record
 from slip_vic_controller.law import extensions
 from slip_vic_controller.law.config import YIELDS_M
-from slip_vic_controller.law.extensions import GIVEN_UP, GIVING_UP
+from slip_vic_controller.law.extensions import GIVEN_UP
 from slip_vic_controller.law.gains import GAINS
 from test.support.call import call, flat
 from test.support.law_cases import random_case
@@ -70,56 +70,35 @@ def test_an_open_gate_replaces_the_impedance(far: float) -> None:
 class Judge:
     """`judge_compensation` over some cycles; each starts with full gains, as in the control cycle."""
 
-    def __init__(self, on: bool = True, witness: bool = False) -> None:
-        self.config, self.state = new(GIVING_UP), new(GIVEN_UP)
-        config = record(self.config, GIVING_UP)
-        config.on, config.witness, config.error, config.fall = int(on), int(witness), 0.02, 0.1
-        config.longest_s, config.calm_s, config.speed, config.fast_s = 0.15, 0.15, 0.08, 0.01
+    def __init__(self) -> None:
+        self.state = new(GIVEN_UP)
 
-    def cycles(self, v_s: np.ndarray, seconds: float, error: float = 0.0, fall: float = 0.0, seen: bool = True) -> bool:
+    def cycles(self, v_s: np.ndarray, seconds: float, fall: float = 0.0) -> bool:
         """Return whether the compensation is given up after so long."""
         for _ in range(round(seconds / MS)):
             gains = new(GAINS)
             g = record(gains, GAINS)
             g.alpha, g.characteristic_length, g.gamma_k[:], g.gamma_d[:] = 220.0, 0.03, 100.0, 100.0
             full = gains.copy()
-            call(extensions.judge_compensation, self.config, self.state, gains, v_s, int(seen), error, fall, MS)
-            given_up = bool(record(self.state, GIVEN_UP).given_up)
+            call(extensions.judge_compensation, self.state, gains, v_s, fall, MS)
+            given_up = bool(record(self.state, GIVEN_UP).left_s > 0.0)
             impedance_alone = g.alpha == 0.0 and not g.gamma_k.any() and not g.gamma_d.any()
-            shut = given_up or (bool(record(self.config, GIVING_UP).witness) and not seen)
-            assert impedance_alone if shut else gains.tobytes() == full.tobytes()
+            assert impedance_alone if given_up else gains.tobytes() == full.tobytes()
         return given_up
 
 
-def test_short_slips_are_compensated() -> None:
+def test_slow_slips_are_compensated() -> None:
     judge = Judge()
-    for _ in range(5):
-        assert not judge.cycles(SLIPS, 0.1)
-        assert not judge.cycles(STICKS, 0.1)
+    assert not judge.cycles(SLIPS, 1.0)
+    assert not judge.cycles(STICKS, 0.1)
 
 
-def test_a_lasting_slip_is_given_up() -> None:
+def test_it_resumes_when_the_gate_is_shut() -> None:
     judge = Judge()
-    assert not judge.cycles(SLIPS, 0.148)
-    assert judge.cycles(SLIPS, 0.004)
+    assert judge.cycles(SLIPS, 0.001, fall=1.1 * extensions.FALLS_M_S)
     assert judge.cycles(SLIPS, 1.0)
-    assert judge.cycles(STICKS, 0.148)
+    assert judge.cycles(STICKS, extensions.CALM_S - 0.002)
     assert not judge.cycles(STICKS, 0.004)
-    assert record(judge.state, GIVEN_UP).times == 1
-
-
-def test_a_flickering_gate_counts_as_open() -> None:
-    judge = Judge()
-    given_up = [judge.cycles(STICKS if k % 4 == 0 else SLIPS, MS) for k in range(400)]
-    assert not given_up[200]
-    assert given_up[-1]
-
-
-def test_giving_way_far_ends_it() -> None:
-    judge = Judge()
-    judge.cycles(STICKS, 0.1, error=0.01)  # an error from before does not count
-    assert not judge.cycles(SLIPS, 0.01, error=0.029)
-    assert judge.cycles(SLIPS, 0.001, error=0.031)
 
 
 @pytest.mark.parametrize("turning", [False, True])
@@ -134,19 +113,6 @@ def test_a_fast_slip_ends_it(turning: bool) -> None:
 
 def test_a_fall_with_the_gate_open_ends_it() -> None:
     judge = Judge()
-    assert not judge.cycles(SLIPS, 0.01, fall=0.09)
-    assert judge.cycles(SLIPS, 0.001, fall=0.11)
+    assert not judge.cycles(SLIPS, 0.01, fall=0.9 * extensions.FALLS_M_S)
+    assert judge.cycles(SLIPS, 0.001, fall=1.1 * extensions.FALLS_M_S)
     assert not Judge().cycles(STICKS, 0.01, fall=1.0)
-
-
-def test_below_a_governor_the_sensor_must_agree() -> None:
-    judge = Judge(witness=True)
-    assert not judge.cycles(SLIPS, 0.5, seen=False)
-    assert not judge.cycles(SLIPS, 0.148)
-    assert judge.cycles(SLIPS, 0.004)
-
-
-def test_printed_never_gives_up() -> None:
-    judge = Judge(on=False)
-    assert not judge.cycles(SLIPS, 1.0, error=1.0)
-    assert not judge.state.any()

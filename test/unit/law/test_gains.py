@@ -166,7 +166,7 @@ def test_the_loop_of_an_estimated_arm_has_a_least_delay() -> None:
         return gain_report(build(ControllerParams, {"tare.duration_s": 0.3} | given, "test")).used
 
     late = {"drive__delay_s": 0.004}
-    assert k_s() == k_s(**late) == k_s(**late, gains__authority="printed") < k_s(gains__authority="printed")
+    assert k_s() == k_s(**late) == k_s(**late, controller="printed") < k_s(controller="printed")
     assert k_s(drive__delay_s=0.006) < k_s()
 
 

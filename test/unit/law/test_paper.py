@@ -80,7 +80,7 @@ def test_turning_alone_opens_the_linear_gate() -> None:
 @pytest.mark.parametrize(("sensor", "drive"), [("", ""), ("event_1000", "torque_joint")])
 def test_the_printed_law_has_no_extensions(sensor: str, drive: str) -> None:
     params = load_scenario("glass_transport", law="printed", sensor=sensor, drive=drive, mode="realtime").controller
-    assert (params.slip_estimator, params.gains.spin, params.gains.give_up) == ("measured", "follow", False)
+    assert (params.slip_estimator, params.gains.spin, params.controller) == ("measured", "follow", "printed")
     assert not params.bounded_authority
     assert params.governor.mode == "off"
 

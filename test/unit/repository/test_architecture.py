@@ -73,7 +73,7 @@ OWN = {  # layers inside a package: what of the own package a part may import
     },
     "slip_vic_controller.cycle": CYCLE | {f"slip_vic_controller.{part}" for part in ("cycle", "interfaces", "state")},
     "slip_vic_controller.cycle.governing": {
-        f"slip_vic_controller.{part}" for part in ("contact", "governor", "path", "law", "state")
+        f"slip_vic_controller.{part}" for part in ("contact", "cycle.contact", "governor", "path", "law", "state")
     },
     "slip_vic_controller.interfaces": {"slip_vic_controller.arm.robot", *SHARED},
     "slip_vic_controller.path.joint_path": {"slip_vic_controller.law.arm", "slip_vic_controller.arm.robot"},
@@ -86,6 +86,7 @@ OWN = {  # layers inside a package: what of the own package a part may import
         f"slip_vic_controller.{part}"
         for part in (
             "governor",
+            "contact.estimate",
             "contact.friction_estimate",
             "contact.wrench_evidence",
             "law.rotation",
@@ -104,6 +105,7 @@ OWN = {  # layers inside a package: what of the own package a part may import
         for part in (
             "safety",
             "path.path_scaling",
+            "contact.estimate",
             "law.arm",
             "law.contact",
             "law.extensions",

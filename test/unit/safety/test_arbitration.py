@@ -32,7 +32,6 @@ class Memory(NamedTuple):
     too_fast_ns: int | None
     saturated_ns: int | None
     stopping_ns: int | None
-    blind_ns: int | None
     fall_speed: float
     slip_variance: np.ndarray
     path_speed: float
@@ -58,7 +57,7 @@ class Verdict(NamedTuple):
 
 QUIET = Memory(
     now_ns=NOW_NS - MS, mode=Mode.ACTIVE, slip_unknown_ns=None, too_fast_ns=None, saturated_ns=None, stopping_ns=None,
-    blind_ns=None, fall_speed=0.0, slip_variance=TWIST, path_speed=1.0, path_scale=1.0, reference_moves=False,
+    fall_speed=0.0, slip_variance=TWIST, path_speed=1.0, path_scale=1.0, reference_moves=False,
     unseen_ns=0, frozen_before=False, wrench_bad_ns=None, late_in_a_row=0,
     pad_twist=TWIST, slips=(TWIST,), slid_before=False,
 )  # fmt: skip
@@ -95,10 +94,9 @@ class Arbitration:
         for name in TIMES:
             value = getattr(m, name)
             s.since[name] = NEVER if value is None else value
-        s.observed.blind_since_ns = NEVER if m.blind_ns is None else m.blind_ns
         s.since.wrench_bad_ns = NEVER if m.wrench_bad_ns is None else m.wrench_bad_ns
         s.observed.fall_speed, s.observed.path_speed, s.observed.moves = m.fall_speed, m.path_speed, m.reference_moves
-        s.observed.twist[:], s.observer.variance[:] = m.pad_twist, m.slip_variance
+        s.observed.twist[:], s.pad.contact.variance[:] = m.pad_twist, m.slip_variance
         s.estimate.unmeasured[:N] = m.unseen_ns // MS
         reason = of_fault(Cause.INPUT, Input.JOINT_STATE, Fault.FROZEN if m.frozen_before else Fault.LATE)
         put_reason(s.mode.reason, reason)

@@ -21,7 +21,7 @@ PATH = {
     "trajectory__rotation": (0.0, 0.2, 0.1), "trajectory__duration_s": 2.0, "trajectory__start_s": 0.05,
 }  # fmt: skip
 CALM = {
-    "safety__fallback__evidence": 1e6, "safety__load__drop_speed": 1e6, "safety__limits__error_linear": 1e6,
+    "safety__load__drop_speed": 1e6, "safety__limits__error_linear": 1e6,
     "safety__limits__error_angular": 1e6,
 }  # fmt: skip
 STILL = {"joint": {"velocity": np.zeros(N)}, "slip": np.zeros(6)}

@@ -17,7 +17,7 @@ from test.support.one_arm import OneArm
 WILD = (np.nan, np.inf, -1e300, 1e200, 1e30, 1e6, 5e-324, -0.0)
 TOGETHER = 8  # wild messages, one after another, before the law has to come back
 STILL = {"joint": {"velocity": np.zeros(N)}, "slip": np.zeros(6)}
-CALM = {"safety__fallback__evidence": 10.0, "safety__load__drop_speed": 10.0, "safety__inputs__frozen_s": 5.0}
+CALM = {"safety__load__drop_speed": 10.0, "safety__inputs__frozen_s": 5.0}
 """An arm that stands still whatever its effort is taken for what it is."""
 
 

@@ -49,7 +49,7 @@ LONGEST_STEP_S: Final = 2.0
 """A step that takes longer ends the run."""
 WATCH: Final[dict[str, Any]] = {
     "controller": "classical", "command.interface": "effort", "governor.mode": "off", "slip_estimator": "measured",
-    "gains.give_up": False, "joint_sensor.noise_velocity": 0.0, "joint_sensor.quantum_position": 0.0,
+    "joint_sensor.noise_velocity": 0.0, "joint_sensor.quantum_position": 0.0,
     "grip.control": "fixed", "tare.duration_s": 0.0, "safety.inputs.frozen_s": 1e3,
     "safety.load.drop_speed": 1e3, "safety.limits.error_linear": 1e3, "safety.limits.error_angular": 1e3,
 }  # fmt: skip

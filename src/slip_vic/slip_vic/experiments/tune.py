@@ -30,15 +30,14 @@ BATCH: Final = 4
 STARTUP: Final = 10
 """Sets that are drawn at random before the model of what is good counts."""
 DECADE: Final = 10.0
-"""Gammas and noises are searched from their default over this to their default times this."""
+"""Gammas are searched from their default over this to their default times this."""
 K_S_RANGE: Final = 20.0
 """k_s is searched from what the sensor's delay allows over this up to what it allows."""
 MARGIN: Final = (0.7, 1.0)
 LEVER_M: Final = 0.03
 """Length that makes turning in the grasp comparable with sliding, as gains.characteristic_length."""
 SEARCHED: Final = (
-    "gains.gamma_kp", "gains.gamma_ko", "gains.gamma_dp", "gains.gamma_do", "observer.process_noise_linear",
-    "observer.process_noise_angular", "observer.drift_linear", "observer.drift_angular",
+    "gains.gamma_kp", "gains.gamma_ko", "gains.gamma_dp", "gains.gamma_do",
 )  # fmt: skip
 
 
@@ -86,8 +85,7 @@ def search_space(scenario: Scenario) -> list[Range]:
     values = flatten(params)
     allowed = gain_report(params, refuse=False).used
     space = [Range("gains.k_s", allowed / K_S_RANGE, allowed, True, min(values["gains.k_s"], allowed))]
-    observed = params.slip_estimator == "observer"
-    around = [name for name in SEARCHED if values[name] > 0.0 and (observed or name.startswith("gains"))]
+    around = [name for name in SEARCHED if values[name] > 0.0]
     space += [Range(name, values[name] / DECADE, values[name] * DECADE, True, values[name]) for name in around]
     if params.governor.mode != "off":
         space.append(Range("governor.margin", *MARGIN, False, values["governor.margin"]))

@@ -70,11 +70,11 @@ BOUNDED: dict[str, Any] = {"gains.spin": "bounded"}
 """Of the controller, in real time. The printed law, which follows the object's spin wherever it goes, loses the object
 with a single control period of delay (docs/sensors.md), and can ask for more than the arm has (docs/safety.md)."""
 
-PRINTED: dict[str, Any] = {"slip_estimator": "measured", "gains.spin": "follow", "gains.authority": "printed"}
+PRINTED: dict[str, Any] = {"controller": "printed", "slip_estimator": "measured", "gains.spin": "follow"}
 """Of the controller with the printed law: slip samples as they come, and none of the extensions."""
 
-GOVERNED: dict[str, Any] = {"governor.mode": "slow_down", "gains.spin": "bounded", "gains.give_up": True}
-"""Of the controller that is governed: the law below it bounds spin, and gives the compensation up where it fails."""
+GOVERNED: dict[str, Any] = {"governor.mode": "slow_down", "gains.spin": "bounded"}
+"""Of the controller that is governed: the law below it bounds spin."""
 
 
 class GraspFile(ParameterModel):
@@ -341,7 +341,7 @@ def law_settings(law: Law, arms: int) -> dict[str, Any]:
     if law in WITHOUT_INTERNAL and arms > 1:
         settings["gains.kappa"] = 0.0
     if law == "governed":
-        settings |= {k: v for k, v in GOVERNED.items() if arms == 1 or k != "gains.give_up"}
+        settings |= GOVERNED
     return settings
 
 

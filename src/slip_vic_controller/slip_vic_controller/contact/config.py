@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -22,6 +23,32 @@ MOST_ROWS = 100_000
 """Rows of a history that still fits into memory and into a cycle many times."""
 
 
+class Tuning(NamedTuple):
+    """What the observer is tuned with; noise of the sensors comes from their parameters.
+
+    Of pairs the first is linear, the second angular.
+    """
+
+    false_alarm_rate: float = 1e-8  # probability, per tick in stick, that slip is declared: once a day at 1 kHz
+    stick_share: float = 0.8  # share of noise that stays below the normalised square at which slip is over
+    dwell_s: float = 0.005  # s; how long slip must be insignificant before it is over
+    window_s: float = 0.04  # s; over which the model must show slip before it is declared
+    memory_s: float = 0.3  # s; largest delay of a slip sample that is still used
+    smoothing: float = 0.25  # weight of a new sample in the mean that is tested in stick
+    outlier: float = 5.0  # standard deviations at which the influence of a sample is limited
+    model_error: float = 0.2  # expected relative error of mass, inertia and centre of mass
+    process_noise: tuple[float, float] = (0.003, 0.03)  # m/s^2, rad/s^2; of the model at every tick, white
+    drift: tuple[float, float] = (0.003, 0.15)  # m/s^2, rad/s^2; random walk of the model's error after one second
+    least_slip: tuple[float, float] = (5e-5, 2e-3)  # m/s, rad/s; standard deviation below which nothing is significant
+    stick_acceleration: tuple[float, float] = (0.006, 0.3)  # m/s^2, rad/s^2; of the model's error, to accept stick
+    stick_speed: tuple[float, float] = (6e-4, 0.1)  # m/s, rad/s; of the slip velocity, to accept stick
+    drag_spread: float = 0.3  # rad; standard deviation of the angle between friction and slip, 0 = direction not used
+    drag_memory_s: float = 0.03  # s; correlation time of its error
+
+
+TUNING: Final = Tuning()
+
+
 def witnesses(params: ControllerParams) -> int:
     """Return how many slip samples in a row count as slip: a real sensor has outliers, a flag has none.
 
@@ -32,12 +59,12 @@ def witnesses(params: ControllerParams) -> int:
     return 1 if (perfect and not params.estimates_joints) or params.slip_input == "flag" else WITNESSES
 
 
-def observer_config(params: ControllerParams) -> Array:
+def observer_config(params: ControllerParams, tuning: Tuning = TUNING) -> Array:
     """Return the OBSERVER_CONFIG buffer: variances and thresholds that follow from the configured noise levels.
 
     Noise of the wrench enters the slip velocity once per tick, divided by mass or inertia.
     """
-    tuning, sensor, wrench, model = params.observer, params.slip_sensor, params.wrench_sensor, params.object
+    sensor, wrench, model = params.slip_sensor, params.wrench_sensor, params.object
     T = params.control_period_s
     lever = math.hypot(*params.contacts.position[:3])
     inertia = float(np.min(model.inertia[:3]))
@@ -53,20 +80,20 @@ def observer_config(params: ControllerParams) -> Array:
     # A centre of mass that is off by model_error of the lever turns a force into an angular acceleration.
     onset = tuning.model_error * lever * model.mass / inertia
 
-    least = tuning.min_slip_std_m_s, tuning.min_slip_std_rad_s
+    least = tuning.least_slip
     deviations = {  # linear, angular
         "measurement_variance": (
             max(math.hypot(sensor.noise_linear, sensor.quantum_linear), least[0]),
             max(sensor.noise_angular, least[1]),
         ),
         "process_variance": (
-            T * math.hypot(noise[0], tuning.process_noise_linear),
-            T * math.hypot(noise[1], tuning.process_noise_angular),
+            T * math.hypot(noise[0], tuning.process_noise[0]),
+            T * math.hypot(noise[1], tuning.process_noise[1]),
         ),
-        "drift_variance": (root_T * tuning.drift_linear, root_T * tuning.drift_angular),
+        "drift_variance": (root_T * tuning.drift[0], root_T * tuning.drift[1]),
         "floor_variance": least,
-        "stick_P_bb": (tuning.stick_acceleration_std_m_s2, tuning.stick_acceleration_std_rad_s2),
-        "stick_P_vv": (tuning.stick_speed_std_m_s, tuning.stick_speed_std_rad_s),
+        "stick_P_bb": tuning.stick_acceleration,
+        "stick_P_vv": tuning.stick_speed,
         "prior_P_bb": (wrench.bias_force / model.mass, bias[1]),
         "prior_P_cc": (tuning.model_error, tuning.model_error),
     }
@@ -96,7 +123,7 @@ def observer_config(params: ControllerParams) -> Array:
     return buffer
 
 
-def capacity(params: ControllerParams) -> int:
+def capacity(params: ControllerParams, tuning: Tuning = TUNING) -> int:
     """Return how many rows the history needs: ticks of the memory with their samples, or the window in stick.
 
     More samples than the sensor's rate gives make the history shorter in time, not longer.
@@ -104,13 +131,13 @@ def capacity(params: ControllerParams) -> int:
     Raises:
         InputError: it would be too long.
     """
-    tuning, T = params.observer, params.control_period_s
+    T = params.control_period_s
     ticks = math.ceil(tuning.memory_s / T) + 1
     period = params.slip_sensor.period_s or T
     samples = math.ceil(tuning.memory_s / period) + 1
     window = max(1, round(tuning.window_s / T))
     rows = max(ticks + samples, window + 1) + SPARE_ROWS
     if rows > MOST_ROWS:
-        what = "parameters observer.memory_s, observer.window_s, control_period_s, slip_sensor.rate_hz"
+        what = "parameters control_period_s, slip_sensor.rate_hz"
         raise InputError(what, got=f"a history of {rows} rows", expected=f"at most {MOST_ROWS}")
     return rows

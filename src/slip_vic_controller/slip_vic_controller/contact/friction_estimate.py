@@ -2,10 +2,6 @@
 
 Nothing but loads is used, no friction law. A slip sample comes late and tells of its own stamp, so a short history of
 loads is kept, and the load at that stamp counts.
-
-The observer finds a slip in the wrench long before a slow sensor's sample of it arrives, but with a wrong model it
-finds slips that are none. So its word is provisional: the path is planned for the load at which it found the slip, the
-law does not use it, and the guard holds nothing back for it, until the slip sensor fails to see what it should.
 """
 
 from __future__ import annotations
@@ -22,8 +18,8 @@ from slip_vic_controller.sizes import NEVER
 LOADS: Final = 256
 """Control cycles that the history goes back."""
 LEAST_FRICTION: Final = 0.35
-"""Share of what is known of friction below which the observer alone finds none: 0.6 of what is told, that falls to 0.7
-while it is carried, and slides with less."""
+"""Share of what is known of friction below which a load that is missing counts less: 0.6 of what is configured, that
+falls to 0.7 while it is carried, and slides with less."""
 PLAUSIBLE: Final = 0.5
 """Share of what is known of friction below which a slip is doubted: the model's error, or pads that give way."""
 GIVES_M: Final = 1e-3
@@ -32,8 +28,6 @@ OBSERVED: Final = 0.5
 """Share of the threshold that a slip sample must show where the observer has found slip: two pieces of evidence."""
 FASTEST_GROWTH: Final = 30.0
 """Most that a slip gains speed: a few times gravity [m/s^2]."""
-CALM_NS: Final = 200_000_000
-"""How long nothing may slip, beyond the delay of the sensor, until what is carried counts against a suspicion [ns]."""
 
 
 @unique
@@ -67,8 +61,6 @@ class EstimateConfig(Record):
     configured: Real  # N, mu N as configured, or the most that is ever probed
     kept: Real  # share of the load at which it slipped
     least: Real  # N, floor of F^
-    calmed: Real  # share of a suspected load that is used once nothing has slipped for long
-    growth: Real  # m/s, growth of the suspected speed that is no noise
     probe: Real  # N, eps: load beyond the certified one
     pre_sliding: Real  # m, way that pads give before they slip
     threshold: Real  # m/s, slip speed |S v_s| that counts
@@ -77,7 +69,7 @@ class EstimateConfig(Record):
     quiet_ns: Whole  # without slip for so long, it holds again
     sensor_delay_ns: Whole  # age at which a cycle's load is known to have been carried
     trust: Real  # least that the model's load may be of the measured one; below it the model is not used
-    noise_ns: Whole  # loads so long before and after a stamp are averaged; what the observer claims lasts as long
+    noise_ns: Whole  # loads so long before and after a stamp are averaged
 
 
 class Estimate(Record):
@@ -92,15 +84,6 @@ class Estimate(Record):
     slip_ns: Whole  # stamp of the newest slip sample
     events: Whole  # how often F^ was made smaller
     event_ns: Whole  # stamp of the last time
-    suspected: Whole  # whether the observer alone has found a slip
-    suspected_at: Real  # N, the load at which it did
-    first_at: Real  # N, the load at which it first did
-    calm_ns: Whole  # stamp since when it finds none any more, NEVER = it does
-    calmed: Whole  # whether that has lasted
-    suspected_ns: Whole  # when that was checked last
-    suspected_speed: Real  # m/s, its speed of slip then
-    claimed_ns: Whole  # stamp since when the slip sensor must see it
-    found: Whole  # whether the observer finds slip now
     said: Whole  # samples in a row that show slip
     said_ns: Whole  # stamp of the first of them
     last_ns: Whole  # and of the newest sample that is no outlier
@@ -138,9 +121,6 @@ def start_estimate(
     state.slipped_at = 0.0
     state.certified = state.carried = min(at_rest + config.probe, state.first)
     state.slipping, state.slip_ns, state.events, state.event_ns = 0, NEVER, 0, NEVER
-    state.suspected, state.suspected_at, state.claimed_ns, state.found = 0, 0.0, NEVER, 0
-    state.suspected_ns, state.suspected_speed = 0, 0.0
-    state.first_at, state.calm_ns, state.calmed = 0.0, NEVER, 0
     state.said, state.said_ns, state.last_ns, state.way[:] = 0, NEVER, NEVER, 0.0
     history.count = 0
 
@@ -241,8 +221,6 @@ def slip_sample(
     speed = math.sqrt(slip.dot(slip))
     if not speed > (OBSERVED if found else 1.0) * config.threshold:
         state.said, state.way[:], state.last_ns = 0, 0.0, stamp_ns
-        if state.suspected != 0 and state.claimed_ns != NEVER and stamp_ns >= state.claimed_ns + config.noise_ns:
-            state.suspected = 0  # unless it was an outlier of this sensor that the observer has found
         if state.slipping != 0 and stamp_ns - state.slip_ns >= config.quiet_ns:
             state.slipping = 0
         return False
@@ -262,10 +240,7 @@ def slip_sample(
     i = index_at(history, state.said_ns)
     if not first or i < 0 or config.friction == Friction.KNOWN:
         return False
-    slipped_at = slipping_load(config, history, i)
-    if state.suspected != 0:
-        state.suspected, slipped_at = 0, min(slipped_at, state.suspected_at)
-    return bool(learn_carried(config, state, slipped_at, stamp_ns))
+    return bool(learn_carried(config, state, slipping_load(config, history, i), stamp_ns))
 
 
 @part
@@ -282,113 +257,3 @@ def learn_carried(config: EstimateConfig, state: Estimate, carried: float, stamp
     state.events += 1
     state.event_ns = stamp_ns
     return True
-
-
-@part
-def suspect(
-    config: EstimateConfig,
-    state: Estimate,
-    history: LoadHistory,
-    stamp_ns: int,
-    found: bool,
-    speed: float,
-    weight_load: float,
-) -> None:
-    """Take the observer's word: whether it finds slip at this stamp, and how fast, |S v_s| [m/s].
-
-    weight_load: largest load of the weight alone on the path [N]: no slower path helps where less than that slips.
-    A slip sensor without delay sees that slip itself: there the observer alone has nothing to say.
-    """
-    if not found or config.friction == Friction.KNOWN or state.slipping != 0 or config.sensor_delay_ns == 0:
-        state.claimed_ns = NEVER
-        if state.slipping != 0:  # what the slip sensor sees is what a later slip is measured against
-            state.suspected_speed = speed
-    else:
-        load = slipping_load(config, history, (history.count - 1) % LOADS)
-        known = state.certified if config.friction == Friction.UNKNOWN else state.F_hat
-        least = max(LEAST_FRICTION * known, weight_load)
-        if state.suspected == 0:  # what is found on is another slip, if it grows from what the slip sensor has denied
-            another = state.found == 0 or speed > state.suspected_speed + config.threshold
-            state.suspected_speed = min(state.suspected_speed, speed) if state.found != 0 else speed
-            if another and load > least:
-                state.suspected, state.suspected_at, state.first_at = 1, load, load
-                state.suspected_ns, state.suspected_speed = stamp_ns, speed
-        elif stamp_ns - state.suspected_ns > config.sensor_delay_ns:
-            if speed > state.suspected_speed + config.growth:  # what is asked since then does not end that slip
-                state.suspected_at = max(config.kept * state.suspected_at, LEAST_FRICTION * known)
-            state.suspected_ns, state.suspected_speed = stamp_ns, speed
-        if speed <= config.threshold:
-            state.claimed_ns = NEVER
-        elif state.claimed_ns == NEVER:
-            state.claimed_ns = stamp_ns
-    state.found = 1 if found else 0
-    stay_calm(config, state, history, stamp_ns)
-
-
-@part
-def stay_calm(config: EstimateConfig, state: Estimate, history: LoadHistory, stamp_ns: int) -> None:
-    """Let a load that is carried without slip for long count against a suspicion that has sunk below it.
-
-    What has begun to slip where friction ends continues to slip there: what rests does not slip. Never beyond the load
-    at which slip was first suspected.
-    """
-    if state.suspected == 0 or state.found != 0 or state.slipping != 0:
-        state.calm_ns, state.calmed = NEVER, 0
-    elif state.calm_ns == NEVER:
-        state.calm_ns = stamp_ns
-    elif stamp_ns - state.calm_ns > config.sensor_delay_ns + CALM_NS:
-        load = slipping_load(config, history, (history.count - 1) % LOADS)
-        state.calmed, state.suspected_at = 1, max(state.suspected_at, min(load / config.calmed, state.first_at))
-
-
-@part
-def provisional(config: EstimateConfig, state: Estimate) -> tuple[float, float]:
-    """Return F^ and the load at which it slipped [N], the observer's word included."""
-    if state.suspected == 0:
-        return float(state.F_hat), float(state.slipped_at)
-    share = config.calmed if state.calmed != 0 else config.kept
-    F = max(share * state.suspected_at, config.least)
-    return float(min(F, state.F_hat)), float(state.suspected_at if state.F_hat > F else state.slipped_at)
-
-
-@part
-def certain(config: EstimateConfig, state: Estimate, margin: float) -> float:
-    """Return the load with which braking is planned [N]; margin: beta."""
-    F, _ = provisional(config, state)
-    return min(state.certified, margin * F) if config.friction == Friction.UNKNOWN else margin * F
-
-
-@part
-def allowed(config: EstimateConfig, state: Estimate, margin: float) -> float:
-    """Return the load that may be asked now [N]: with unknown friction a little more than what is certain."""
-    if config.friction == Friction.UNKNOWN:
-        return min(state.certified + config.probe, margin * state.F_hat)
-    return float(margin * state.F_hat)
-
-
-@part
-def weaker(estimate: Estimate, pad: Estimate) -> None:
-    """Let an ESTIMATE of all pads count with another pad where that one is weaker; each sensor sees its own pad."""
-    if pad.F_hat < estimate.F_hat:
-        estimate.F_hat, estimate.slipped_at = pad.F_hat, pad.slipped_at
-    estimate.certified, estimate.first = min(estimate.certified, pad.certified), min(estimate.first, pad.first)
-    estimate.slipping, estimate.slip_ns = max(estimate.slipping, pad.slipping), max(estimate.slip_ns, pad.slip_ns)
-    if pad.suspected != 0:
-        known = estimate.suspected != 0
-        estimate.calmed = min(estimate.calmed, pad.calmed) if known else pad.calmed
-        estimate.suspected_at = min(estimate.suspected_at, pad.suspected_at) if known else pad.suspected_at
-        estimate.suspected = 1
-
-
-@part
-def end_slip(config: EstimateConfig, estimate: Estimate, now_ns: int) -> None:
-    """End the slip of several pads when no sample of any has shown one for so long [ns]."""
-    if estimate.slipping != 0 and now_ns - estimate.slip_ns >= config.quiet_ns + config.sensor_delay_ns:
-        estimate.slipping = 0
-
-
-@part
-def take_weakest(pad: Estimate, estimate: Estimate) -> None:
-    """Let a pad know what all pads together have: friction of the weakest one, and whether any slips."""
-    pad.F_hat, pad.slipped_at = estimate.F_hat, estimate.slipped_at
-    pad.slipping, pad.slip_ns = estimate.slipping, estimate.slip_ns

@@ -6,12 +6,12 @@ from slip_core.compiled import part
 from slip_core.vectors import IDENTITY, ZERO, Spatial, mat, put, put_mat, vec
 from slip_vic_controller.arm.tare import start_tare
 from slip_vic_controller.contact.observer import reset
+from slip_vic_controller.cycle.contact import begin_pad
 from slip_vic_controller.cycle.gains import gains_now
-from slip_vic_controller.cycle.governing import begin_governing, begin_pad, rest_on_path
+from slip_vic_controller.cycle.governing import begin_governing, rest_on_path
 from slip_vic_controller.cycle.ledger import put_time
 from slip_vic_controller.governor.grip import start_grip
 from slip_vic_controller.governor.plan import Governing
-from slip_vic_controller.law.extensions import start_giving_up
 from slip_vic_controller.path.goals import rest_at
 from slip_vic_controller.path.paths import Reference
 from slip_vic_controller.safety.arbitration import clear_since
@@ -37,7 +37,7 @@ def begin_cycle(
         begin_modes(config.modes, state.mode, inputs.now_ns)
         clear_since(state.since)
         _without_slip(state.law)
-        forget(state.observed, NEVER)
+        forget(state.observed)
         start_tare(state.tare, NEVER)
         state.following.since_ns = NEVER
         if lead:
@@ -66,14 +66,13 @@ def begin_law(
     _without_slip(law)
     law.slip_latency.known, law.slip_latency.latency_ns, law.slip_latency.period_ns = 0, 0.0, 0.0
     law.held = 0
-    start_giving_up(law.given_up)
+    law.given_up.left_s, law.given_up.fast_s = 0.0, 0.0
     law.ramp = state.tuned
     law.ramp.begin_ns = sample.stamp_ns
     if config.cycle.has_observer != 0:
         reset(config.observer, state.observer, sample.stamp_ns, inputs.arm.twist)
-    if config.governor.mode != Governing.OFF:
-        gains_now(state, sample.stamp_ns, outputs)
-        begin_pad(config, state, inputs.arm, outputs.gains)
+    gains_now(state, sample.stamp_ns, outputs)
+    begin_pad(config, state, inputs.arm, outputs.gains)
     if lead:
         _begin_task(config, task, state, inputs)
 

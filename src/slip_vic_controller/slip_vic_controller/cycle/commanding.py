@@ -5,20 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from slip_core.compiled import part
-from slip_core.vectors import mat, put_spatial, spatial, vec
 from slip_vic_controller.arm.command import Interface
+from slip_vic_controller.cycle.contact import commanded_load, held
 from slip_vic_controller.cycle.finishing import finish
-from slip_vic_controller.cycle.governing import follow_goal, governed_reference, guard, held
+from slip_vic_controller.cycle.governing import follow_goal, governed_reference, guard
 from slip_vic_controller.cycle.holding import hold_without_law, keep_joints
-from slip_vic_controller.cycle.sensing import put_twist_now, put_twist_of_joints
+from slip_vic_controller.cycle.sensing import put_twist_of_joints
 from slip_vic_controller.cycle.wrench import put_own_wrench
 from slip_vic_controller.governor.plan import Governing
-from slip_vic_controller.law.contact import integrate_slips, slip_velocity
-from slip_vic_controller.law.extensions import judge_compensation, slip_speed
 from slip_vic_controller.law.law import evaluate, scale_acceleration
 from slip_vic_controller.path.path_scaling import scaled
 from slip_vic_controller.path.paths import carried, put_reference, read_reference, reference_at
-from slip_vic_controller.safety.arbitration import watch_for_blindness
 from slip_vic_controller.safety.drop_detection import observe_motion
 from slip_vic_controller.safety.following import find_what_keeps, stays_far
 from slip_vic_controller.safety.reasons import Cause
@@ -41,7 +38,6 @@ def follow(
     outputs.wanted[:n] = outputs.law.effort[:n]
     axes, law = config.law.contact[0].slip_axes, outputs.law
     observe_motion(config.drop, axes, state.observed, inputs.arm, law, outputs.reference, dt_ns * 1e-9)
-    watch_for_blindness(state.observed, law.slip_speed, config.drop.evidence, inputs.now_ns)
     _watch_following(config, state, inputs, outputs)
     finish(config, state, inputs, outputs, sample.position, sample.velocity, sample.effort, True)
 
@@ -52,23 +48,15 @@ def command(
 ) -> int:
     """Evaluate the law on what `sense` has found; return why it could not be, Cause.NONE where it could."""
     law, sample = state.law, state.joint.answers
-    dt, slipping = (sample.stamp_ns - law.stamp_ns) * 1e-9, state.pad.estimate.slipping
-    if config.giving_up.witness != 0 and config.giving_up.on != 0 and slipping == 0:
-        outputs.samples[0].slip_twist[:] = 0.0  # nor may it move the pad on the object: a wrong lever stops the arm
     if not _reference(config, task, state, outputs, lead):
         return Cause.BAD_REFERENCE.value
-    error = (vec(inputs.arm.position) - vec(outputs.reference.position)).norm()
-    v_s = slip_velocity(config.law.contact[0], outputs.samples[0])
-    fall = state.observed.fall_speed
-    judge_compensation(config.giving_up, law.given_up, outputs.gains.gains, v_s, slipping, error, fall, dt)
-    integrate_slips(config.law, outputs.samples, law.slips, dt, outputs.slips)
-    if config.cycle.slip_ahead_s > 0.0:
-        _foresee_slip(config, state, inputs, outputs)
     evaluate(config.law, inputs.arm, sample, law, outputs)
     if config.governor.mode != Governing.OFF and outputs.law.ok != 0:
         factor = guard(config, task, state, inputs.arm, outputs, held(config, state, outputs.gains))
         if factor < 1.0:
             scale_acceleration(config.law, inputs.arm, sample, law, factor, outputs)
+    else:
+        state.pad.commanded = commanded_load(config, state, inputs.arm, outputs)
     outputs.evaluated = outputs.law.ok
     return Cause.NONE.value if outputs.law.ok != 0 else Cause.NO_TORQUE.value
 
@@ -105,30 +93,6 @@ def _reference(config: ControllerConfig, task: TaskState, state: ArmState, outpu
     for k in range(3):
         finite = finite and all_finite(outputs.reference.rotation[k])
     return finite
-
-
-@part
-def _foresee_slip(config: ControllerConfig, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs) -> None:
-    """Replace the slip velocity by the one to which the commands under way lead, as the joints are, see `foresee`.
-
-    Until then the pad's twist changes by what is known, and the object's as the wrench accelerates it now. Else the law
-    would answer for as long as drives take to what it has answered already. No larger than now: where the object
-    nearly holds, its acceleration changes with the pad's, and what is predicted is none.
-
-    Implements: ours: v_s + J (qd_commanded - qd) - t (G^T a_o + Phi2), a predictor after O. J. M. Smith, 1957.
-    """
-    contact, sample, now = config.law.contact[0], outputs.samples[0], np.zeros(6)
-    v_s = slip_velocity(contact, sample)
-    if v_s.dot(v_s) == 0.0:
-        return
-    put_twist_now(config, state, inputs, now)
-    follow = spatial(outputs.motion.follow)
-    change = spatial(inputs.arm.twist) - spatial(now) - config.cycle.slip_ahead_s * follow
-    error = config.cycle.slip_ahead_s * spatial(outputs.follow_error)
-    ahead = v_s + spatial(contact.slip_axes) * (mat(inputs.arm.rotation).T() @ change - error)
-    gains = outputs.gains.gains
-    most, speed = slip_speed(gains, v_s), slip_speed(gains, ahead)
-    put_spatial(sample.slip_twist, (most / speed) * ahead if speed > most else ahead)
 
 
 @part

@@ -44,9 +44,10 @@ from slip_vic_controller.cycle.agreeing import (
 )
 from slip_vic_controller.cycle.beginning import begin_cycle
 from slip_vic_controller.cycle.commanding import follow
+from slip_vic_controller.cycle.contact import agree_on_friction
 from slip_vic_controller.cycle.deciding import decide_mode
 from slip_vic_controller.cycle.finishing import finish
-from slip_vic_controller.cycle.governing import agree_on_friction, screen, step_on_path
+from slip_vic_controller.cycle.governing import screen, step_on_path
 from slip_vic_controller.cycle.holding import leave_to_drives, prepare
 from slip_vic_controller.cycle.ledger import end_cycle
 from slip_vic_controller.cycle.sensing import sense_all

@@ -2,34 +2,18 @@
 
 from __future__ import annotations
 
-import math
-
-from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.records import Records
-from slip_core.vectors import NOTHING, Mat, Spatial, Vec, mat, put_spatial, spatial, vec
-from slip_vic_controller.contact.friction_estimate import (
-    Friction,
-    end_slip,
-    learn_carried,
-    provisional,
-    slip_sample,
-    suspect,
-    take_weakest,
-    weaker,
-)
-from slip_vic_controller.contact.wrench_evidence import lacks_load
+from slip_core.vectors import NOTHING, mat, spatial, vec
+from slip_vic_controller.cycle.contact import begin_pad, held
 from slip_vic_controller.governor import governor
-from slip_vic_controller.governor.grip import follow_load, load_ahead
 from slip_vic_controller.governor.guard import hold_back, missing_load
-from slip_vic_controller.governor.layouts import GovernedPad, Governor, GovernorConfig
-from slip_vic_controller.governor.load import ALONE, Held, Shared, load, size, surface, weight
+from slip_vic_controller.governor.layouts import GovernedPad, Governor
+from slip_vic_controller.governor.load import Held, surface
 from slip_vic_controller.governor.plan import GRID_POINTS, Along, Governing, along, along_at, sample_time
 from slip_vic_controller.governor.step import Pad, step_on
 from slip_vic_controller.law.arm import Arm
-from slip_vic_controller.law.contact import Contact, Slip, contact_arm, pad_rotation
 from slip_vic_controller.law.gains import LawGains
-from slip_vic_controller.law.internal import sharing
 from slip_vic_controller.path.goals import (
     GoalPhase,
     Refusal,
@@ -55,46 +39,6 @@ UNLIMITED = 1e3
 """A speed along the path that limits nothing."""
 CATCH_UP = 1.5
 """How much faster than received a stream may be followed where the timing is free."""
-
-
-@part
-def held_by(mass: float, inertia: Mat, position: Vec, contact: Contact, slip: Slip) -> Held:
-    """Return the object on the axes of the pad that holds it.
-
-    Args:
-        mass, inertia: [kg], [kg m2] {o}.
-        position: of the contact on the object, o_x_p [m] {o}.
-        contact, slip: CONTACT, SLIP.
-    """
-    pad = pad_rotation(contact, slip)
-    return Held(mass, pad.T() @ (inertia @ pad), contact_arm(pad, position, contact, slip), ALONE)
-
-
-@part
-def held(config: ControllerConfig, state: ArmState, gains: LawGains) -> Held:
-    """Return the object as the own pad holds it."""
-    grasped, position = gains.object, vec(gains.contact_position)
-    own = held_by(grasped.mass, mat(grasped.inertia), position, config.law.contact[0], state.law.slips[0])
-    if config.law.contacts == 1:
-        return own
-    with_others, rho = sharing(config.law, gains, state.law.slips), config.governor.radius
-    arm = math.sqrt(with_others.longest * with_others.longest + rho * rho)
-    shared = Shared(with_others.contacts, with_others.middle, with_others.inverse, arm, rho)
-    return Held(own.mass, own.inertia, own.r, shared)
-
-
-@part
-def load_at_rest(config: ControllerConfig, state: ArmState, gains: LawGains, arm: Arm) -> float:
-    """Return the load of the object's weight on the own pad [N]."""
-    weights = surface(spatial(config.governor.slip_axes), config.governor.radius)
-    return size(weight(held(config, state, gains), weights, mat(arm.rotation), vec(config.governor.gravity)))
-
-
-@part
-def begin_pad(config: ControllerConfig, state: ArmState, arm: Arm, gains: LawGains) -> None:
-    """Initialise a pad: its load is that of the object at rest."""
-    grip, weighed = state.grip.actual / config.grip.nominal, state.tare.mass_share != 0.0
-    governor.start_pad(config.governor, state.pad, load_at_rest(config, state, gains, arm), bool(weighed), grip)
 
 
 @part
@@ -155,18 +99,6 @@ def path_at(config: ControllerConfig, task: TaskState, state: ArmState, time: fl
 def along_path(config: ControllerConfig, task: TaskState, planned: Reference, time: float) -> Along:
     """Return a point of the first pad's path over s."""
     return along(config.governor, task.governor.duration, time, planned.rotation, planned.twist, planned.acceleration)
-
-
-@part
-def squeeze(config: ControllerConfig, task: TaskState, state: ArmState, dt: float) -> None:
-    """Let the grip of a pad follow the load of the planned path, and the commanded and measured load of now."""
-    pad = state.pad
-    load = max(pad.commanded, pad.measured)
-    if task.governor.planned == 1:
-        load = max(load, load_ahead(task.grid, task.governor.time, config.grip.preview_s))
-    F, _ = provisional(config.governor.estimate, pad.estimate)
-    follow_load(config.grip, state.grip, load, F, dt)
-    pad.grip = state.grip.actual / config.grip.nominal
 
 
 @part
@@ -299,72 +231,6 @@ def seen_from(planned: Reference, arm: Arm, pad: GovernedPad) -> Pad:
 
 
 @part
-def scaled_slip(config: GovernorConfig, twist: Array) -> Spatial:
-    """Return S v_s of a slip twist on the slip axes, turning as a speed at the torsional radius [m/s]."""
-    v = spatial(config.slip_axes) * spatial(twist)
-    return Spatial(v.linear, config.radius * v.angular)
-
-
-@part
-def record_pad(config: ControllerConfig, task: TaskState, state: ArmState, outputs: CycleOutputs, dt: float) -> None:
-    """Record load and slip of one pad, and let its grip follow; dt: since the cycle before [s]."""
-    if config.grip.follow != 0:
-        squeeze(config, task, state, dt)
-    pad, stamp_ns = state.pad, state.joint.answers.stamp_ns
-    found = bool(config.cycle.has_observer != 0 and state.observer.sliding != 0)
-    governor.record_load(config.governor, pad, spatial(outputs.samples[0].wrench), stamp_ns)
-    for k in range(state.queue.count):
-        sample = state.queue.samples[k]
-        slip = scaled_slip(config.governor, sample.twist)
-        slip_sample(config.governor.estimate, pad.estimate, pad.loads, sample.stamp_ns, slip, found)
-    if config.cycle.has_observer != 0:
-        observed = scaled_slip(config.governor, state.observer.twist)
-        speed = math.sqrt(observed.dot(observed))
-        heavy = 0.0 if config.grip.follow != 0 else task.governor.weight_load
-        suspect(config.governor.estimate, pad.estimate, pad.loads, stamp_ns, found, speed, heavy)
-        if config.law.contacts == 1 and config.governor.estimate.friction != Friction.KNOWN and dt > 0.0:
-            weigh_evidence(config, state, outputs, stamp_ns, dt)
-
-
-@part
-def weigh_evidence(
-    config: ControllerConfig, state: ArmState, outputs: CycleOutputs, stamp_ns: int, dt: float
-) -> None:  # fmt: skip
-    """Compare the load with the one that the pad's motion needs, and learn friction where that shows a slip."""
-    pad, limits, motion = state.pad, config.governor, outputs.motion
-    evidence, weights, R, v_ee = (
-        pad.evidence,
-        surface(spatial(limits.slip_axes), limits.radius),
-        mat(motion.rotation),
-        spatial(motion.v_ee),
-    )
-    if evidence.begun != 0:
-        a = (1.0 / dt) * (v_ee - spatial(evidence.twist))
-        needed = load(held(config, state, outputs.gains), weights, R, v_ee.angular, vec(limits.gravity), a)
-        measured = weights * spatial(outputs.samples[0].wrench)
-        F, seen = pad.grip * pad.estimate.F_hat, pad.estimate.slipping
-        if lacks_load(evidence, pad.commanded, needed, measured, F, seen, stamp_ns, dt):
-            learn_carried(limits.estimate, pad.estimate, evidence.carried / pad.grip, stamp_ns)
-    put_spatial(evidence.twist, v_ee)
-    evidence.begun = 1
-
-
-@part
-def agree_on_friction(config: ControllerConfig, task: TaskState, states: Records[ArmState]) -> None:
-    """Use the friction of the weakest pad for the path, and share slip among all pads; config: of the first arm."""
-    path, n = task.governor, len(states)
-    path.estimate, path.grip = states[0].pad.estimate, states[0].pad.grip
-    if n == 1:
-        return
-    for k in range(1, n):
-        path.grip = min(path.grip, states[k].pad.grip)
-        weaker(path.estimate, states[k].pad.estimate)
-    end_slip(config.governor.estimate, path.estimate, states[0].joint.answers.stamp_ns)
-    for k in range(n):
-        take_weakest(states[k].pad.estimate, path.estimate)
-
-
-@part
 def step_on_path(
     config: ControllerConfig,
     task: TaskState,
@@ -391,9 +257,6 @@ def step_on_path(
         governor.allow(config.governor, path)  # rests where it is
     else:
         follow_path(config, task, first, arm, grasped, path_speed, dt)
-    if path.estimate.suspected == 0:
-        for k in range(len(states)):
-            states[k].pad.estimate.suspected = 0
 
 
 @part
@@ -441,9 +304,9 @@ def guard(
     """Return the factor on a_C with which friction carries the object, and keep what the next cycle needs of it."""
     a_C, a_d, v_ee = spatial(outputs.law.a_C), spatial(outputs.law.a_d), spatial(arm.twist)
     R, pad, ceiling = mat(arm.rotation), state.pad, task.governor.ceiling
-    slips = pad.estimate.slipping != 0
+    slips = pad.contact.slipping != 0
     # Without compensation the impedance drags at an object that has overrun its path, the more the farther it is off.
-    slides = slips and (config.governor.guards == 0 or task.governor.overrun == 0)
+    slides = slips and (config.governor.led == 0 or task.governor.overrun == 0)
     if config.law.contacts > 1:
         # What gives way to the internal wrench moves no object; and one arm that holds back alone would pull at it.
         gains = outputs.gains.gains
@@ -462,15 +325,15 @@ def put_governed(config: ControllerConfig, task: TaskState, state: ArmState, out
     """Write what is published of the governor to a GOVERNED."""
     path, pad = task.governor, state.pad
     out.path_s, out.path_rate, out.guard = path.out_s, path.out_rate, pad.guard
-    F = pad.grip * pad.estimate.F_hat
+    F = pad.grip * pad.contact.F_median
     out.friction_limit, out.friction_events = F, float(pad.estimate.events)
     out.load_commanded, out.load_measured = pad.commanded, pad.measured
-    out.given_up = float(state.law.given_up.given_up)
+    out.given_up = 1.0 if state.law.given_up.left_s > 0.0 else 0.0
     out.limit, out.load_ratio, out.friction_share, out.margin = float(path.limit), 0.0, 0.0, 0.0
     if F > 0.0:
         out.load_ratio, out.friction_share, out.margin = pad.commanded / F, pad.measured / F, path.usable / F
     out.stream_waits = waiting(task.stream, path.out_time) if config.stream.on != 0 else 0.0
     out.goal, out.goal_phase = float(task.goal.number), float(task.goal.phase)
     out.goal_progress = goal_progress(config, task, state) if config.goals.on != 0 else 0.0
-    out.slipping = float(pad.estimate.slipping)
+    out.slipping = float(pad.contact.slipping)
     out.grip_command, out.grip_force = state.grip.command, state.grip.actual

@@ -56,7 +56,7 @@ def prepare(
             if decision.entered != Mode.WAITING_INPUT:
                 rest_after_hold(config, task, inputs.arm)
         state.hold.known, state.hold.load_error[:] = 0, 0.0
-        forget(state.observed, state.observed.blind_since_ns)
+        forget(state.observed)
         if config.cycle.has_observer != 0:
             reset(config.observer, state.observer, state.joint.answers.stamp_ns, inputs.arm.twist)
 
@@ -92,7 +92,7 @@ def hold(
         task.start_ns += dt_ns
     keep_joints(config, state, inputs)
     task.path.scale, task.path.rate = 0.0, 0.0
-    forget(state.observed, NEVER)
+    forget(state.observed)
     state.since.saturated_ns, state.following.since_ns = NEVER, NEVER
     finish(config, state, inputs, outputs, sample.position, sample.velocity, sample.effort, False)
 

@@ -15,17 +15,11 @@ from typing import Final
 
 from slip_core.compiled import part
 from slip_core.vectors import NOTHING, Mat, Spatial, Vec, put_spatial, spatial, vec
-from slip_vic_controller.contact.friction_estimate import (
-    allowed,
-    certain,
-    certify,
-    provisional,
-    remember,
-    start_estimate,
-)
+from slip_vic_controller.contact.estimate import Health, put_friction, start_directions
+from slip_vic_controller.contact.friction_estimate import start_estimate
 from slip_vic_controller.contact.wrench_evidence import start_evidence
 from slip_vic_controller.governor.layouts import GovernedPad, Governor, GovernorConfig
-from slip_vic_controller.governor.load import Held, size, surface
+from slip_vic_controller.governor.load import Held, surface
 from slip_vic_controller.governor.plan import (
     FASTEST,
     Along,
@@ -68,7 +62,7 @@ def discard_plan(config: GovernorConfig, state: Governor) -> None:
     """Rest where the path is, and plan it again: the object that is held, or its friction, may be another."""
     state.rate, state.planned, state.asked, state.plan_load = 0.0, 0, 0.0, 0.0
     state.infeasible, state.heaviest_time, state.weight_load = 0, 0.0, 0.0
-    state.limit, state.overrun, state.halted, state.endless, state.led_s = 0, 0, 0, 0, 0.0
+    state.limit, state.overrun, state.endless, state.led_s = 0, 0, 0, 0.0
     steady(config, state)
 
 
@@ -85,6 +79,11 @@ def start_pad(config: GovernorConfig, pad: GovernedPad, at_rest: float, weighed:
     rests_with = at_rest / (grip * config.path_margin) if weighed else 0.0
     start_estimate(config.estimate, pad.estimate, pad.loads, at_rest / grip, rests_with)
     start_evidence(pad.evidence)
+    start_directions(pad.directions)
+    pad.contact.v_s[:], pad.contact.variance[:], pad.contact.age_ns = 0.0, 0.0, 0
+    pad.contact.slip_health = pad.contact.wrench_health = Health.OK.value
+    pad.contact.needs = pad.contact.lacks = 0.0
+    put_friction(config.estimate, pad.estimate, pad.contact)
     pad.commanded = pad.measured = at_rest
     pad.guard, pad.grip = 1.0, grip
     put_spatial(pad.feedback, NOTHING)
@@ -101,7 +100,7 @@ def start_governor(config: GovernorConfig, state: Governor, pad: GovernedPad) ->
 @part
 def adopt_pad(state: Governor, pad: GovernedPad) -> None:
     """Use the friction and the grip of a pad."""
-    state.estimate, state.grip = pad.estimate, pad.grip
+    state.contact, state.grip = pad.contact, pad.grip
 
 
 @part
@@ -154,7 +153,7 @@ def load_to_plan(config: GovernorConfig, state: Governor, grid: PathGrid) -> flo
     What rests is carried. So before the path begins, a slip at less than the weight there counts as one at the weight:
     something has pushed the object, or several arms have pressed on each other.
     """
-    F = config.most_grip * certain(config.estimate, state.estimate, config.margin)
+    F = config.most_grip * min(state.contact.F_lo, config.margin * state.contact.F_median)
     if state.planned == 0:
         at_start = math.sqrt(grid.points[cell(grid, state.s)].cc)
         F = carried_weight(config, state, F, at_start / config.estimate.kept)
@@ -167,11 +166,7 @@ def plan(config: GovernorConfig, state: Governor, grid: PathGrid) -> None:
     F = load_to_plan(config, state, grid)
     if state.planned == 1 and abs(F - state.asked) <= REPLAN * state.asked:
         return
-    plan_load, stops = stopping_load(config, state, grid, F)
-    if not stops and state.estimate.suspected != 0:
-        state.estimate.suspected = 0  # it is too late to act on what the observer alone finds
-        F = load_to_plan(config, state, grid)
-        plan_load, _ = stopping_load(config, state, grid, F)
+    plan_load = stopping_load(config, state, grid, F)
     state.asked, state.plan_load = F, plan_load
     carries = config.path_margin * plan_load
     state.infeasible = 1 if state.weight_load > carries else 0
@@ -185,21 +180,17 @@ def plan(config: GovernorConfig, state: Governor, grid: PathGrid) -> None:
 
 
 @part
-def stopping_load(config: GovernorConfig, state: Governor, grid: PathGrid, F: float) -> tuple[float, bool]:
-    """Plan for a load F [N], or the least above it under which the pad can stop on the path.
+def stopping_load(config: GovernorConfig, state: Governor, grid: PathGrid, F: float) -> float:
+    """Plan for a load F [N], or the least above it under which the pad can stop on the path; return that load.
 
     Margin is given up first, and the reserve is margin too; the path's end is given up last.
-
-    Returns:
-        The load of the plan that `grid` has then, and whether the pad can stop under it.
     """
     if stops_with(config, state, grid, F, config.reserve):
-        return F, True
-    _, slipped_at = provisional(config.estimate, state.estimate)
-    low, high = F, max(F, config.most_grip * config.given_up * slipped_at)
+        return F
+    low, high = F, max(F, config.most_grip * config.given_up * state.contact.slipped_at)
     if not stops_with(config, state, grid, high, 0.0):
         stops_with(config, state, grid, F, 0.0)  # brakes with what there is
-        return F, False
+        return F
     while high - low > REPLAN * low:
         load = 0.5 * (low + high)
         if stops_with(config, state, grid, load, 0.0):
@@ -207,7 +198,7 @@ def stopping_load(config: GovernorConfig, state: Governor, grid: PathGrid, F: fl
         else:
             low = load
     stops_with(config, state, grid, high, 0.0)
-    return high, True
+    return high
 
 
 @part
@@ -223,9 +214,10 @@ def stops_with(config: GovernorConfig, state: Governor, grid: PathGrid, F: float
 @part
 def allow(config: GovernorConfig, state: Governor) -> None:
     """Write which loads path and guard may use now."""
-    F, plan_load = state.grip * state.estimate.F_hat, state.plan_load * (state.grip / config.most_grip)
-    state.usable = with_weight(config, state, state.grip * allowed(config.estimate, state.estimate, config.margin))
-    state.ceiling = with_weight(config, state, state.grip * allowed(config.estimate, state.estimate, 1.0))
+    F, plan_load = state.grip * state.contact.F_median, state.plan_load * (state.grip / config.most_grip)
+    more = state.grip * (state.contact.F_lo + config.estimate.probe)  # than what is certain, where friction is unknown
+    state.usable = with_weight(config, state, min(more, config.margin * F))
+    state.ceiling = with_weight(config, state, min(more, F))
     if state.planned == 1 and plan_load > max(state.usable, config.margin * F):
         state.usable = plan_load  # margin was given up
         state.ceiling = max(state.ceiling, plan_load)
@@ -302,7 +294,7 @@ def watch_lead(config: GovernorConfig, state: Governor, point: Along, K: float, 
     """
     if state.arrived == 1 or config.led == 0:
         state.led_s, state.endless = 0.0, 0
-    elif state.estimate.slipping == 0:
+    elif state.contact.slipping == 0:
         state.led_s = max(state.led_s - dt, 0.0)
         if state.led_s == 0.0:
             state.endless = 0
@@ -316,7 +308,7 @@ def watch_lead(config: GovernorConfig, state: Governor, point: Along, K: float, 
 @part
 def is_led(config: GovernorConfig, state: Governor) -> bool:
     """Return whether the object slips and leads the path."""
-    return state.estimate.slipping == 1 and config.led != 0 and state.endless == 0
+    return state.contact.slipping == 1 and config.led != 0 and state.endless == 0
 
 
 @part
@@ -351,18 +343,3 @@ def anchor(
     state.s = min(max(state.s, 0.0), state.end * (1.0 - 2.0 * ARRIVED_SHARE))
     state.time = path_time(grid, state.s)
     steady(config, state)
-
-
-@part
-def record_load(config: GovernorConfig, pad: GovernedPad, h_ee: Spatial, now_ns: int) -> None:
-    """Remember the measured load; to be called before the slip samples of this cycle are taken.
-
-    Args:
-        config, pad: GOVERNOR_CONFIG, PAD.
-        h_ee: measured wrench {ee}.
-        now_ns: stamp of this cycle's measurements [ns].
-    """
-    weights = surface(spatial(config.slip_axes), config.radius)
-    pad.measured = size(weights * h_ee)
-    remember(pad.loads, now_ns, pad.measured / pad.grip, pad.commanded / pad.grip)
-    certify(config.estimate, pad.estimate, pad.loads, now_ns)

@@ -6,6 +6,7 @@ from typing import Annotated, Final
 
 from slip_core.arrays import Array
 from slip_core.records import Real, Record, Vec3, Vec6, Whole, dtype_of
+from slip_vic_controller.contact.estimate import ContactEstimate, Directions
 from slip_vic_controller.contact.friction_estimate import Estimate, EstimateConfig, LoadHistory
 from slip_vic_controller.contact.wrench_evidence import WrenchEvidence
 
@@ -31,7 +32,6 @@ class GovernorConfig(Record):
     most_speed: Real  # m/s, of the pad
     most_turning: Real  # rad/s
     window: Whole  # cycles of the moving average
-    guards: Whole  # whether the guard holds back where the object slips and the path is overrun
     led: Whole  # whether an object that slips leads the path; several arms keep to it
     estimate: EstimateConfig
 
@@ -58,7 +58,6 @@ class Governor(Record):
     weight_load: Real  # N, that load
     limit: Whole  # Limit: the first that leaves no sddot
     overrun: Whole  # no allowed load stops on the path
-    halted: Whole  # the path rests, since the observer has found slip at a load below what it needs from here on
     led_s: Real  # s, for which a slipping object has led the path while it hardly moved
     endless: Whole  # that slip does not end, so the path continues
     arrived: Whole
@@ -67,7 +66,7 @@ class Governor(Record):
     grip: Real  # least of all pads, over the one for which F^ is configured
     ring_count: Whole
     ring: Annotated[Array, (MAX_WINDOW, 3)]  # s, sdot, sddot
-    estimate: Estimate  # of the weakest pad
+    contact: ContactEstimate  # of the weakest pad
 
 
 class GovernedPad(Record):
@@ -81,6 +80,8 @@ class GovernedPad(Record):
     estimate: Estimate
     loads: LoadHistory  # of the last cycles
     evidence: WrenchEvidence
+    directions: Directions
+    contact: ContactEstimate
 
 
 GOVERNOR_CONFIG, GOVERNOR, PAD = dtype_of(GovernorConfig), dtype_of(Governor), dtype_of(GovernedPad)

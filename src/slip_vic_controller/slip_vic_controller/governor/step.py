@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 
 from slip_core.compiled import part
 from slip_core.vectors import Mat, Spatial, Vec, spatial, vec
-from slip_vic_controller.contact.friction_estimate import Friction, provisional
+from slip_vic_controller.contact.friction_estimate import Friction
 from slip_vic_controller.governor.layouts import Governor, GovernorConfig
 from slip_vic_controller.governor.load import Held, drawn, size, surface, turning, weight
 from slip_vic_controller.governor.plan import MOST_U, Along, Governing, left_for_motion, range_of_u
@@ -34,8 +34,7 @@ class Limit(IntEnum):
     LOAD = 2
     RESERVE = 3
     CATCH_UP = 4
-    SUSPICION = 5
-    SPEED = 6
+    SPEED = 5
 
 
 class Interval(NamedTuple):
@@ -120,27 +119,12 @@ def of_catching_up(config: GovernorConfig, state: Governor, load: PathLoad) -> I
 
     Where the weight alone is more than that, it would not help.
     """
-    certified = state.grip * state.estimate.certified
+    certified = state.grip * state.contact.carried
     if config.mode != Governing.SLOW_DOWN or load.weight >= certified:
         return at_most(MOST_U)
     F = max(certified + state.grip * config.estimate.probe, size(load.full))
     found = carried(load.per_u, load.rest, F)
     return at_most(max(found.high, 0.0) if found.met else 0.0)
-
-
-@part
-def of_suspicion(config: GovernorConfig, state: Governor, load: PathLoad) -> Interval:
-    """While the observer alone finds slip, no more load than that is taken, unless it takes more to stop on the path.
-
-    Each of several arms takes the motion of the others for slip, which is no reason to stop for good.
-    """
-    if state.estimate.suspected == 0:
-        return at_most(MOST_U)
-    F = state.grip * provisional(config.estimate, state.estimate)[0]
-    if config.led == 0:
-        F = with_weight(config, state, F)
-    found = carried(load.per_u, load.rest, min(F, state.usable))
-    return Interval(-MOST_U, found.high, found.met)
 
 
 @part
@@ -180,13 +164,11 @@ def step_on(
     K, slope = ahead
     rate, load = state.rate, path_load(config, state.rate, held, point, pad)
     speed_up = to_bound(K, slope, rate, most_rate, dt)
-    suspicion = of_suspicion(config, state, load)
     limits = (
         of_path(rate, speed_up, dt),
         carried(load.per_u, load.rest, state.usable),
         of_reserve(config, state, load),
         of_catching_up(config, state, load),
-        suspicion,
         at_most(speed_up),
     )
     low, high, unmet = -MOST_U, MOST_U, 0
@@ -196,8 +178,6 @@ def step_on(
             unmet = i + 1
         low, high = min(max(limit.low, low), high), max(min(limit.high, high), low)
     state.limit = unmet
-    rests = rate == 0.0 and speed_up > 0.0
-    state.halted = 1 if rests and not (suspicion.met and suspicion.high > 0.0) else 0
     if (rate * rate - OVER * K) * pace(config, point) > SLOWEST * SLOWEST:
         state.overrun = 1
     return high
@@ -214,7 +194,7 @@ def pace(config: GovernorConfig, point: Along) -> float:
 def carried_weight(config: GovernorConfig, state: Governor, F: float, weight_load: float) -> float:
     """Return a load [N], at least what a weight alone needs [N], as far as friction carried that at first."""
     needed = MORE_THAN_WEIGHT * weight_load / config.path_margin
-    return float(max(F, min(needed, config.margin * state.estimate.first)))
+    return float(max(F, min(needed, config.margin * state.contact.first)))
 
 
 @part

@@ -12,7 +12,7 @@ import math
 from typing import Final
 
 from slip_core.compiled import part
-from slip_core.records import Real, Record, Whole, dtype_of
+from slip_core.records import Real, Record, dtype_of
 from slip_core.vectors import ZERO, Mat, Spatial
 from slip_vic_controller.law.gains import Gains
 from slip_vic_controller.law.paper import slip_activation
@@ -86,31 +86,21 @@ def fade_with_gate(R_ee: Mat, slip_axes: Spatial, gate: float, motion: Spatial) 
 
 OPEN: Final = 0.1
 """Slip activation from which the compensation counts as active."""
-
-
-class GivingUpConfig(Record):
-    """When the compensation is given up."""
-
-    on: Whole  # 0 = never, as printed
-    witness: Whole  # 1 = the compensation needs evidence from the slip sensor itself
-    longest_s: Real  # s; that it may be active
-    calm_s: Real  # s; that slip must be over after it has been given up
-    error: Real  # m; by which the arm may give way in that time
-    fall: Real  # m/s; downward speed at which it may
-    speed: Real  # m/s; of a slip that it does not end any more
-    fast_s: Real  # s; that it must be as fast
-
-
-GIVING_UP = dtype_of(GivingUpConfig)
+FALLS_M_S: Final = 0.01
+"""Speed at which the object falls and the compensation with it [m/s]: behind drives that are not known exactly a faster
+fall is not caught any more."""
+FASTEST_M_S: Final = 0.08
+"""Slip that the compensation does not end [m/s]: where it is as fast for FAST_S, arm and object swing against each
+other. An estimate that begins with a wrong model is as fast for some cycles."""
+FAST_S: Final = 0.01
+CALM_S: Final = 0.15
+"""How long the gate must have been shut before the compensation is resumed [s]."""
 
 
 class CompensationState(Record):
-    """Whether the compensation is active, and for how long."""
+    """Whether the compensation is given up."""
 
-    given_up: Whole  # 1 while the impedance works alone
-    times: Whole  # how often
-    open_s: Real  # s; how long the slip activation has been open, less how long it has been shut since
-    error: Real  # m; when it opened
+    left_s: Real  # s; for which the gate must still be shut until it is resumed, 0 = it is active
     fast_s: Real  # s; for how long the slip has been faster than it may be
 
 
@@ -118,55 +108,29 @@ GIVEN_UP = dtype_of(CompensationState)
 
 
 @part
-def start_giving_up(state: CompensationState) -> None:
-    """Start with the compensation active."""
-    state.given_up, state.times, state.open_s, state.error, state.fast_s = 0, 0, 0.0, 0.0, 0.0
-
-
-@part
-def judge_compensation(
-    config: GivingUpConfig, state: CompensationState, gains: Gains, v_s: Spatial, seen: int, error: float,
-    fall: float, dt: float,
-) -> None:  # fmt: skip
+def judge_compensation(state: CompensationState, gains: Gains, v_s: Spatial, fall: float, dt: float) -> None:
     """Give the compensation up or resume it, and switch it off in the gains while it is given up.
 
-    Reason: the law promises that slip decays at the rate k_s once the gate is open. Where the gate stays open, the arm
-    gives way far, or the object falls, the model is wrong, there is no slip, or friction cannot carry the object. Then
-    the impedance works alone until slip has been insignificant for a while. Below a governor nothing should slip: the
-    model alone proves nothing there, and the compensation is active only while the slip sensor itself shows slip.
+    Reason: the law promises that slip decays at the rate k_s once the gate is open. Where the object falls or slips
+    fast all the same, the model is wrong, there is no slip, or friction cannot carry the object. Then the impedance
+    works alone until slip has been insignificant for a while.
 
     Args:
-        config: when it is given up.
         state: changed.
         gains: of this cycle; changed.
         v_s: slip velocity that the law is to use [m/s, rad/s].
-        seen: whether the slip sensor's own samples show slip, 0 or 1.
-        error: distance of the pad from its reference [m].
         fall: how much faster than the reference the object moves down, while it slips [m/s].
         dt: since the cycle before [s].
 
     Implements: ours.
     """
-    if config.on == 0:
-        return
-    wanted = config.witness == 0 or seen != 0
     speed = slip_speed(gains, v_s)
-    if wanted and slip_activation(gains.alpha, speed) > OPEN:
-        state.open_s = min(state.open_s + dt, config.longest_s if state.given_up == 0 else config.calm_s)
-    else:
-        state.open_s = max(state.open_s - dt, 0.0)
-    state.fast_s = state.fast_s + dt if wanted and speed > config.speed else 0.0
-    if state.open_s == 0.0:
-        state.given_up, state.error = 0, error
-    elif state.given_up == 0 and (
-        state.open_s >= config.longest_s
-        or error > state.error + config.error
-        or fall > config.fall
-        or state.fast_s > config.fast_s
-    ):
-        state.given_up, state.open_s = 1, config.calm_s
-        state.times += 1
-    if state.given_up != 0 or not wanted:
+    state.fast_s = state.fast_s + dt if speed > FASTEST_M_S else 0.0
+    if slip_activation(gains.alpha, speed) <= OPEN:
+        state.left_s = max(state.left_s - dt, 0.0)
+    elif fall > FALLS_M_S or state.fast_s > FAST_S:
+        state.left_s = CALM_S
+    if state.left_s > 0.0:
         gains.alpha = 0.0
         gains.gamma_k[:] = 0.0
         gains.gamma_d[:] = 0.0

@@ -15,7 +15,7 @@ from slip_core.params import ParameterModel, parameter, parameter_unit, range_of
 from slip_vic_controller.params.arm_params import DisturbanceParams, JointSensorConfig, TareParams
 from slip_vic_controller.params.interface_params import CommandParams, EffortParams, GripParams, WrenchParams
 from slip_vic_controller.params.safety_params import SafetyParams
-from slip_vic_controller.params.slip_params import MeasuredParams, ObserverParams, WrenchSensorModel
+from slip_vic_controller.params.slip_params import MeasuredParams, WrenchSensorModel
 
 FOLLOWED = 2.5
 """Phase [rad] that the drives' lag may cost at the crossover of the impedance: the estimate takes it out as far as the
@@ -67,22 +67,6 @@ class GainParams(ParameterModel):
         unit="m",
         runtime=True,
         ge=0.0,
-    )
-
-    give_up: bool = parameter(
-        False,
-        "switch the compensation off where it does not end the slip, and use plain impedance until the slip is over",
-    )
-    authority: Literal["bounded", "printed"] = parameter(
-        "bounded",
-        "of the compensation where joint state or slip are estimated: bounded fades the impedance as the slip "
-        "activation opens, and switches the compensation off when the object falls; printed does neither",
-    )
-    give_up_after_s: float = parameter(
-        0.15, "give_up: longest time for which the slip activation may stay open", unit="s", gt=0.0
-    )
-    give_up_error_m: float = parameter(
-        0.02, "give_up: largest distance by which the arm may give way while it is open", unit="m", gt=0.0
     )
 
     kappa: float = parameter(
@@ -240,8 +224,10 @@ class DiagnosticsParams(ParameterModel):
 class ControllerParams(ArmParams):
     """All parameters of one arm of the controller."""
 
-    controller: Literal["vic", "classical"] = parameter(
-        "vic", "classical = the same law, slip activation and fading off"
+    controller: Literal["vic", "printed", "classical"] = parameter(
+        "vic",
+        "vic: where joint state or slip are estimated, the authority of the compensation is bounded; printed: it is "
+        "not; classical: the same law, slip activation and fading off",
     )
     mode: Literal["lockstep", "realtime"] = parameter(
         "lockstep", "lockstep waits for all samples of a stamp; realtime answers each joint state with the newest ones"
@@ -269,7 +255,6 @@ class ControllerParams(ArmParams):
     effort: EffortParams = Field(default_factory=EffortParams)
     grip: GripParams = Field(default_factory=GripParams)
     measured: MeasuredParams = Field(default_factory=MeasuredParams)
-    observer: ObserverParams = Field(default_factory=ObserverParams)
     governor: GovernorParams = Field(default_factory=GovernorParams)
     nullspace: NullspaceParams = Field(default_factory=NullspaceParams)
     singularity: SingularityParams = Field(default_factory=SingularityParams)
@@ -299,9 +284,8 @@ class ControllerParams(ArmParams):
 
     @property
     def bounded_authority(self) -> bool:
-        """Whether the compensation's authority is bounded: where the law uses estimates, see `gains.authority`."""
-        estimates = self.estimates_joints or self.slip_estimator == "observer"
-        return self.gains.authority == "bounded" and estimates
+        """Whether the compensation's authority is bounded: where the law uses estimates."""
+        return self.controller != "printed" and (self.estimates_joints or self.slip_estimator == "observer")
 
     @property
     def foresees_slip(self) -> bool:

@@ -96,12 +96,6 @@ class FallbackParams(ParameterModel):
         unit="s",
         gt=0.0,
     )
-    evidence: float = parameter(
-        0.08,
-        "slip speed shown by wrench and motion, while the sensor shows none, that makes the sensor implausible",
-        unit="m/s",
-        gt=0.0,
-    )
 
 
 class LoadParams(ParameterModel):

@@ -13,12 +13,13 @@ from typing import Protocol
 from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Records, Whole, dtype_of
-from slip_core.vectors import spatial, vec
+from slip_core.vectors import spatial
 from slip_vic_controller.arm.joint_estimate import EstimatorConfig, Finding, JointEstimate
 from slip_vic_controller.arm.plausibility import unseen_ns
 from slip_vic_controller.arm.tare import Sensor, Tare, TareConfig, moved_joint
+from slip_vic_controller.contact.estimate import Health as ContactHealth
 from slip_vic_controller.law.extensions import CompensationState
-from slip_vic_controller.safety.drop_detection import BLIND, DropDetectionConfig, ObservedMotion, doubt_of_fall
+from slip_vic_controller.safety.drop_detection import DropDetectionConfig, ObservedMotion, doubt_of_fall
 from slip_vic_controller.safety.faults import Fault, Input
 from slip_vic_controller.safety.following import Following, stuck
 from slip_vic_controller.safety.latency import Latency
@@ -66,7 +67,6 @@ class ArbitrationConfig(Record):
     gap_ns: Whole  # pause of the controller itself that is too long
     late_after: Whole  # late answers in a row
     slip_needed: Whole  # whether the law needs the slip velocity
-    blind_ns: Whole  # how long a contradiction between slip sensor and wrench must last
     resume_slip_linear: Real  # m/s; slip at which the law does not begin
     resume_slip_angular: Real  # rad/s
 
@@ -94,34 +94,27 @@ class GovernorVerdict(Protocol):
 
     infeasible: int
     overrun: int
-    halted: int
     endless: int
     heaviest_time: float
     weight_load: float
     plan_load: float
 
 
-class EstimatedSlip(Protocol):
-    """What is read of the observer's state."""
+class Contact(Protocol):
+    """What is read of a contact's estimate."""
 
     variance: Array
-
-
-class LackOfLoad(Protocol):
-    """What is read of the wrench's evidence of slip: loads [N]."""
-
-    unseen: int
-    unseen_ns: int
-    lacks_of: float
-    carried: float
+    slip_health: int
+    needs: float
+    lacks: float
 
 
 class GraspedPad(Protocol):
     """What is read of a pad's state."""
 
     @property
-    def evidence(self) -> LackOfLoad:
-        """Return what the wrench shows of slip."""
+    def contact(self) -> Contact:
+        """Return what is known of the contact."""
         ...
 
 
@@ -189,11 +182,6 @@ class Judged(Protocol):
         """Return what the governor keeps of the pad."""
         ...
 
-    @property
-    def observer(self) -> EstimatedSlip:
-        """Return the state of the slip observer."""
-        ...
-
 
 @part
 def clear_since(since: Since) -> None:
@@ -201,20 +189,6 @@ def clear_since(since: Since) -> None:
     since.slip_unknown_ns, since.too_fast_ns, since.saturated_ns = NEVER, NEVER, NEVER
     since.stopping_ns, since.joint_bad_ns, since.wrench_bad_ns = NEVER, NEVER, NEVER
     since.sliding_ns = -1  # what slides in the very first sample is believed
-
-
-@part
-def slip_fault(config: ArbitrationConfig, health: Health, observed: ObservedMotion, now_ns: int) -> int:
-    """Return the fault of the slip velocity: its own, or that wrench and motion contradict it."""
-    blind = observed.blind_since_ns != NEVER and now_ns - observed.blind_since_ns > config.blind_ns
-    return Fault.IMPLAUSIBLE.value if health.slip == Fault.NONE and blind else health.slip
-
-
-@part
-def watch_for_blindness(observed: ObservedMotion, slip_speed: float, evidence: float, now_ns: int) -> None:
-    """Take down since when wrench and motion show slip that the sensor does not."""
-    blind = vec(observed.evidence).norm() > evidence and slip_speed < BLIND * evidence
-    observed.blind_since_ns = since_when(observed.blind_since_ns, blind, now_ns)
 
 
 @part
@@ -252,7 +226,7 @@ def find_fault(config: Configured, state: Judged, n: int, q: Array, qd: Array, n
     if moved >= 0:
         return Reason(Cause.MOVED_IN_TARE.value, moved, 0, q[moved] - state.tare.watched_from[moved], 0.0)
     # Noise of the joints' velocities can grow to such a slip velocity at rest, between two samples of a camera.
-    doubt = doubt_of_fall(state.observer.variance) if config.estimator.on != 0 else 0.0
+    doubt = doubt_of_fall(state.pad.contact.variance) if config.estimator.on != 0 else 0.0
     if state.observed.fall_speed > config.drop.drop_speed + doubt:
         return Reason(Cause.FALLS.value, 0, 0, state.observed.fall_speed, 0.0)
     return NOTHING
@@ -356,17 +330,15 @@ def find_degraded(
     if stuck(state.following, now_ns):
         following = state.following
         return Reason(following.cause, following.joint, 0, following.value, following.error)
-    lack = state.pad.evidence
-    if lack.unseen != 0 and now_ns - lack.unseen_ns > config.arbitration.blind_ns:
-        return Reason(Cause.UNSEEN_SLIP.value, 0, 0, lack.lacks_of, lack.carried)
+    contact = state.pad.contact
+    if contact.slip_health >= ContactHealth.READS_NOTHING:
+        return Reason(Cause.CONTRADICTS.value, contact.slip_health, 0, contact.needs, contact.lacks)
     cause = Cause.NONE
     if task.governor.overrun != 0:
         cause = Cause.OVERRUNS
-    elif task.governor.halted != 0:
-        cause = Cause.HALTED
     elif task.governor.endless != 0:
         cause = Cause.ENDLESS_SLIP
-    elif state.law.given_up.given_up != 0:
+    elif state.law.given_up.left_s > 0.0:
         cause = Cause.GIVEN_UP
     elif state.observed.path_speed < 1.0 or task.path.scale < 1.0:
         cause = Cause.PATH_WAITS
@@ -407,14 +379,13 @@ def arbitrate(
     wrench_bad = not fine(health.wrench) and follows(state.mode.mode)
     state.since.wrench_bad_ns = since_when(state.since.wrench_bad_ns, wrench_bad, now_ns)
     sliding = slides(config.arbitration, state.since, state.slip_inputs, contacts)
-    slip = slip_fault(config.arbitration, health, state.observed, now_ns)
-    level = degradation_level(config.arbitration, state.since, slip, now_ns)
+    level = degradation_level(config.arbitration, state.since, health.slip, now_ns)
     fault, hold, degraded = find_fault(config, state, n, q, qd, now_ns), NOTHING, NOTHING
     if health.outside == Fault.FOREIGN_COMMAND:
         if fault.cause == Cause.NONE:
             fault = of_fault(Cause.INPUT, Input.EFFORT_COMMAND, health.outside)
     else:
-        hold = find_hold(config, task, state, health, level, slip, frozen, sliding, now_ns)
+        hold = find_hold(config, task, state, health, level, health.slip, frozen, sliding, now_ns)
     if hold.cause == Cause.NONE and health.outside == Fault.NONE:
-        degraded = find_degraded(config, task, state, health, level, slip, n, q, now_ns)
+        degraded = find_degraded(config, task, state, health, level, health.slip, n, q, now_ns)
     return TransitionReasons(NOTHING, fault, hold, degraded), level

@@ -1,4 +1,4 @@
-"""What only wrench and motion tell: an object that falls, and a slip sensor that sees nothing.
+"""What only motion and slip tell: an object that falls.
 
 Following a falling object is the law's natural behaviour. So what counts as falling is not slip, which the law keeps
 small, but the object's speed along gravity beyond the reference's, while there is slip. It is the speed of the pad
@@ -12,33 +12,29 @@ import math
 from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Vec3, Vec6, Whole, dtype_of
-from slip_core.vectors import ZERO, Mat, Vec, mat, put, vec
+from slip_core.vectors import Mat, Vec, mat, vec
 from slip_vic_controller.law.arm import Arm
 from slip_vic_controller.law.law import DesiredMotion, Evaluation
 from slip_vic_controller.path.path_scaling import scale_for_error
 
 FALLS_WITHIN_S = 0.06
 """Least time in which an object gains the speed of a fall: one wrong slip sample is none [s]."""
-EVIDENCE_MEMORY_S = 0.1
 MOVING = 0.01
 """[m/s] or [rad/s] above which a reference requires motion."""
 SLIPPING = 0.005
 """[m/s] above which a slip velocity counts as slip, with the slip activation at zero too."""
 DEVIATIONS = 3.0
 """Standard deviations of an estimated slip velocity by which an object must fall faster to be lost."""
-BLIND = 0.1
-"""Share of the evidence below which a slip velocity sees nothing of it."""
 
 
 class DropDetectionConfig(Record):
-    """What counts as a fall, as a path that waits, and as a slip sensor that sees nothing."""
+    """What counts as a fall, and as a path that waits."""
 
     down: Vec3  # unit vector along gravity {w}, zeros without gravity
     drop_speed: Real  # m/s
     memory_s: Real  # s; least time in which that is gained
     error_linear: Real  # m; error at which the path stops
     error_angular: Real  # rad
-    evidence: Real  # m/s; slip speed that makes a sensor that shows none implausible
 
 
 DROP_DETECTION = dtype_of(DropDetectionConfig)
@@ -47,23 +43,19 @@ DROP_DETECTION = dtype_of(DropDetectionConfig)
 class ObservedMotion(Record):
     """What the last evaluation of the law looked like."""
 
-    known: Whole
     fall_speed: Real  # m/s; of the object
     path_speed: Real  # how fast the path may run, share of planned
     moves: Whole  # whether the reference moves
-    evidence: Vec3  # m/s {w}; slip that motion and wrench add up to
     twist: Vec6  # m/s, rad/s {w}; of the pad
-    blind_since_ns: Whole  # since when the slip sensor shows nothing of it
 
 
 OBSERVED = dtype_of(ObservedMotion)
 
 
 @part
-def forget(state: ObservedMotion, never_ns: int) -> None:
+def forget(state: ObservedMotion) -> None:
     """Restart: nothing has been seen."""
-    state.known, state.fall_speed, state.path_speed, state.moves, state.blind_since_ns = 0, 0.0, 1.0, 0, never_ns
-    state.evidence[:] = 0.0
+    state.fall_speed, state.path_speed, state.moves = 0.0, 1.0, 0
     state.twist[:] = 0.0
 
 
@@ -78,10 +70,7 @@ def observe_motion(
     config: DropDetectionConfig, axes: Array, state: ObservedMotion, arm: Arm, law: Evaluation,
     reference: DesiredMotion, dt: float,
 ) -> None:  # fmt: skip
-    """Look at what the law saw: errors, fall, and whether slip and wrench agree.
-
-    The evidence is a_ee - G^T a_o added up over the last EVIDENCE_MEMORY_S and forgotten: Eq. (17) without its small
-    terms.
+    """Look at what the law saw: errors, and a fall.
 
     Args:
         config: what counts as a fall.
@@ -98,13 +87,7 @@ def observe_motion(
     state.path_speed = scale_for_error(law.error_linear, law.error_angular, config.error_linear, config.error_angular)
     v_d, w_d = vec(reference.twist), vec(reference.twist[3:])
     state.moves = 1 if v_d.dot(v_d) + w_d.dot(w_d) > MOVING * MOVING else 0
-    velocity = ZERO
-    if state.known != 0 and dt > 0.0:
-        change = (vec(arm.twist) - vec(state.twist)) - dt * vec(law.carried)
-        velocity = math.exp(-dt / EVIDENCE_MEMORY_S) * vec(state.evidence) + in_slip_plane(R, axes_linear, change)
-    put(state.evidence, velocity)
     state.twist[:] = arm.twist
-    state.known = 1
 
 
 @part

@@ -27,7 +27,6 @@ class Fault(IntEnum):
     STALE = 13
     FROZEN = 14
     INVALID = 15
-    IMPLAUSIBLE = 16
     SECOND_PUBLISHER = 17
     FOREIGN_COMMAND = 18
     NOT_RUN = 19
@@ -77,7 +76,6 @@ WORDS: Mapping[Fault, str] = MappingProxyType(
         Fault.STALE: "is too old",
         Fault.FROZEN: "is frozen",
         Fault.INVALID: "is invalid",
-        Fault.IMPLAUSIBLE: "contradicts the wrench",
         Fault.SECOND_PUBLISHER: "has two publishers",
         Fault.FOREIGN_COMMAND: "has another publisher",
         Fault.NOT_RUN: "was not answered for too long",

@@ -11,6 +11,7 @@ from slip_core.compiled import part
 from slip_core.records import Real, Record, Whole
 from slip_vic_controller.arm.joint_estimate import Finding
 from slip_vic_controller.arm.tare import Sensor
+from slip_vic_controller.contact.estimate import Health
 from slip_vic_controller.safety.faults import Fault, Input, describe_fault
 from slip_vic_controller.sizes import MAX_CONTACTS
 
@@ -43,9 +44,8 @@ class Cause(IntEnum):
     PATH_TOO_HEAVY = 21  # value: load of the weight, limit [N]; detail: where, time of the trajectory [ms]
     OVERRUNS = 22
     GIVEN_UP = 23
-    HALTED = 24
     ENDLESS_SLIP = 33
-    UNSEEN_SLIP = 35  # value: load that the motion needs, limit: that the wrench carries [N]
+    CONTRADICTS = 35  # detail: Health of the slip sensor; value, limit: load that motion needs, that is measured [N]
     MOVED_IN_TARE = 36  # detail: joint; value: motion [rad]
     TOO_HEAVY = 37  # detail: joint; value: torque at rest, limit [N m]
     TARE = 26
@@ -68,6 +68,15 @@ class Prefix(IntEnum):
     AFTER_RESET = 4
 
 
+_MOUNTED = {
+    Health.X_INVERTED: "on x: sign inverted",
+    Health.Y_INVERTED: "on y: sign inverted",
+    Health.Z_INVERTED: "on z: sign inverted",
+    Health.INVERTED: "on all axes: sign inverted",
+    Health.XY_SWAPPED: "x and y swapped",
+    Health.YZ_SWAPPED: "y and z swapped",
+    Health.ZX_SWAPPED: "z and x swapped",
+}
 LARGEST_SAID = 1e4
 """Largest disturbance that a reason says [N m]."""
 ACTIVATION, GOOD_JOINT_STATE, JOINT_STATES = 1, 2, 4
@@ -183,9 +192,10 @@ def _cause_text(reason: Reason | ReasonRecord, joint_names: Sequence[str]) -> st
     if cause == Cause.PUSHED_BACK:
         why = "is pushed back from the end of its range"
         return f"{joint_names[reason.detail]} {why}, at {value:.2f} rad: the pad cannot keep to the path"
-    if cause == Cause.UNSEEN_SLIP:
-        found = f"the wrench carries {limit:.2f} N where the motion needs {value:.2f} N"
-        return f"{found}, the slip sensor reads nothing: planning for {limit:.2f} N"
+    if cause == Cause.CONTRADICTS and reason.detail == Health.READS_NOTHING:
+        return f"the wrench shows {limit:.2f} N where the motion needs {value:.2f} N, and slip_velocity reads nothing"
+    if cause == Cause.CONTRADICTS:
+        return f"slip_velocity reads against the friction force, {_MOUNTED[Health(reason.detail)]}: it is not used"
     if cause == Cause.MOVED_IN_TARE:
         why = "gravity, load or torque offset are not those of the model: check object.mass and effort.gravity"
         return f"{joint_names[reason.detail]} moved by {value:.3f} rad during the tare, without any wrench: {why}"
@@ -258,7 +268,6 @@ _WORDS = {
     Cause.TARE: "tare: sensors are read at rest before the law begins",
     Cause.OVERRUNS: "friction is too low to stop on the path: the pad overruns it",
     Cause.ENDLESS_SLIP: "the slip sensor reports slip that does not end: the path goes on without it",
-    Cause.HALTED: "the observer finds slip: friction is too low for the rest of the path, so the path stops here",
-    Cause.GIVEN_UP: "compensation off: it does not end the slip, or moves the arm away; impedance alone",
+    Cause.GIVEN_UP: "compensation off: the object falls or slips fast all the same; impedance alone",
     Cause.INTERNAL: "internal error, see the log: this is a bug, please report it",
 }

@@ -30,7 +30,7 @@ class IncidentWatch:
             self._waits_ns = None
             return None
         cause = result.reason_key[0]
-        if cause not in (Cause.PATH_WAITS, Cause.HALTED, Cause.PUSHED_BACK):
+        if cause not in (Cause.PATH_WAITS, Cause.PUSHED_BACK):
             self._waits_ns = None
         elif self._waits_ns is None:
             self._waits_ns = now_ns

@@ -1,0 +1,96 @@
+"""The contact estimate: friction of the weakest pad, and how slip lies to the friction force."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from slip_core.records import new, record
+from slip_core.vectors import Vec
+from slip_vic_controller.contact.estimate import (
+    CONTACT_ESTIMATE,
+    DIRECTIONS,
+    Health,
+    compare_directions,
+    end_slip,
+    put_friction,
+    start_directions,
+    take_weakest,
+    weaker,
+)
+from slip_vic_controller.contact.friction_estimate import ESTIMATE, ESTIMATE_CONFIG, GIVES_M, Friction
+
+DT = 1e-3
+
+
+def records_of(*dtypes: np.dtype) -> list[SimpleNamespace]:
+    """Return a record of each layout."""
+    return [record(new(dtype), dtype) for dtype in dtypes]
+
+
+def slide(T: np.ndarray, way: float, seed: int = 0, noise: float = 0.0) -> int:
+    """Slip so far along a turning direction, read through the mounting T; return what is found."""
+    (state,) = records_of(DIRECTIONS)
+    start_directions(state)
+    rng, found = np.random.default_rng(seed), int(Health.OK)
+    for k in range(round(way / (0.01 * DT))):
+        direction = np.array([np.cos(0.01 * k), np.sin(0.01 * k), 0.0])
+        read = T @ (0.01 * direction + noise * rng.standard_normal(3))
+        found = compare_directions(state, Vec(*read), Vec(*(0.2 * direction)), DT)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("T", "found"),
+    [
+        (np.eye(3), Health.OK),
+        (np.diag((-1.0, 1.0, 1.0)), Health.X_INVERTED),
+        (np.diag((1.0, -1.0, 1.0)), Health.Y_INVERTED),
+        (-np.eye(3), Health.INVERTED),
+        (np.eye(3)[[1, 0, 2]], Health.XY_SWAPPED),
+    ],
+)
+def test_mounting_is_named(T: np.ndarray, found: Health) -> None:
+    assert slide(T, 0.02, noise=0.002) == found
+    assert slide(T, 0.9 * GIVES_M) == Health.OK, "pads give way so far, to and fro"
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_noise_is_no_mounting(seed: int) -> None:
+    assert slide(np.eye(3), 0.02, seed, noise=0.01) == Health.OK
+
+
+def test_no_force_no_direction() -> None:
+    (state,) = records_of(DIRECTIONS)
+    start_directions(state)
+    for _ in range(100):
+        assert compare_directions(state, Vec(-1.0, 0.0, 0.0), Vec(0.0, 0.0, 0.0), DT) == Health.OK
+    assert state.length == 0.0
+
+
+@pytest.mark.parametrize(("friction", "F_lo"), [(Friction.KNOWN, 0.8), (Friction.LEARNT, 0.8), (Friction.UNKNOWN, 0.3)])
+def test_certain_load(friction: Friction, F_lo: float) -> None:
+    config, state, out = records_of(ESTIMATE_CONFIG, ESTIMATE, CONTACT_ESTIMATE)
+    config.friction, state.F_hat, state.certified = friction, 0.8, 0.3
+    put_friction(config, state, out)
+    assert (out.F_lo, out.F_median, out.carried) == (F_lo, 0.8, 0.3)
+
+
+def test_all_pads_have_the_weakest_friction() -> None:
+    config, a, b, pad_a, pad_b, both = records_of(
+        ESTIMATE_CONFIG, ESTIMATE, ESTIMATE, CONTACT_ESTIMATE, CONTACT_ESTIMATE, CONTACT_ESTIMATE
+    )
+    config.friction, config.quiet_ns, config.sensor_delay_ns = Friction.LEARNT, 50, 10
+    a.F_hat, a.certified, a.first = 1.0, 0.5, 1.0
+    b.F_hat, b.slipped_at, b.certified, b.first, b.slipping, b.slip_ns = 0.7, 0.74, 0.6, 1.0, 1, 100
+    put_friction(config, a, pad_a)
+    put_friction(config, b, pad_b)
+    put_friction(config, a, both)
+    weaker(both, pad_b)
+    end_slip(config, both, 159)
+    take_weakest(config, a, pad_a, both)
+    assert (pad_a.F_lo, pad_a.slipped_at, pad_a.carried, pad_a.slipping) == (0.7, 0.74, 0.5, 1)
+    end_slip(config, both, 160)
+    assert both.slipping == 0
