@@ -38,7 +38,8 @@ from pydrake.systems.framework import DiagramBuilder
 from scipy.spatial.transform import Rotation
 
 from slip_core.arrays import inertia_from_six, matrix_from_quat_xyzw
-from slip_sim_bridge.plant import DivergenceError, ReadOut
+from slip_core.records import new, record
+from slip_sim_bridge.plant import DivergenceError, read_out
 
 PAD_THICKNESS: Final = 0.01  # m
 MODULUS: Final = 400.0  # Pa
@@ -148,7 +149,7 @@ class DrakePlant:
         self.q_at = np.array([joint.position_start() for joint in joints], int)
         self.v_at = np.array([joint.velocity_start() for joint in joints], int)
         self.effort_limits = (np.array([limits[name] for name in self.names]),)
-        self.at = ReadOut(len(joints))
+        self.layout = read_out(len(joints))
         self.contact_port = plant.get_generalized_contact_forces_output_port(plates)
         self.pushed, self.contact = np.zeros(6), np.zeros(6)
         self.solved = np.zeros(3), np.zeros(3)
@@ -237,19 +238,20 @@ class DrakePlant:
     def read(self, _arm: int = 0):
         (x_h, R_h), (x_p, R_p) = self.pose(self.hand), self.pose(self.plate)
         v_p, w_p = self.twist(self.plate)
-        x_c, carried, at, out = x_p + R_p @ self.com, self._carried(R_h), self.at, np.empty(self.at.size)
+        x_c, carried, out = x_p + R_p @ self.com, self._carried(R_h), new(self.layout)
+        read = record(out, self.layout)
         torque, force = self.contact[:3], self.contact[3:]  # on the plate, about {p}
         turning = np.cross(x_c - x_h, carried) - torque - np.cross(x_p - x_h, force)
-        out[at.wrench] = np.concatenate((R_h.T @ (carried - force), R_h.T @ turning))
+        read.wrench = np.concatenate((R_h.T @ (carried - force), R_h.T @ turning))
         rotation = Rotation.from_matrix(R_p.T @ R_h).as_rotvec()
-        out[at.slip_displacement] = np.concatenate((R_p.T @ (x_h - x_p), rotation))
+        read.slip_displacement = np.concatenate((R_p.T @ (x_h - x_p), rotation))
         sliding, spinning = self.solved if self.names else self._relative()
-        out[at.slip_velocity] = np.concatenate((R_h.T @ sliding, R_h.T @ spinning))
-        out[at.object_position], out[at.object_rotation] = x_c, (R_p @ self.o_R_p.T).ravel()
-        out[at.pad_position], out[at.pad_rotation] = x_h, R_h.ravel()
-        out[at.object_twist] = np.concatenate((v_p + np.cross(w_p, x_c - x_p), w_p))
-        out[at.position] = self.plant.GetPositions(self.context)[self.q_at]
-        out[at.velocity] = self.plant.GetVelocities(self.context)[self.v_at]
+        read.slip_velocity = np.concatenate((R_h.T @ sliding, R_h.T @ spinning))
+        read.object_position, read.object_rotation = x_c, R_p @ self.o_R_p.T
+        read.pad_position, read.pad_rotation = x_h, R_h
+        read.object_twist = np.concatenate((v_p + np.cross(w_p, x_c - x_p), w_p))
+        read.position = self.plant.GetPositions(self.context)[self.q_at]
+        read.velocity = self.plant.GetVelocities(self.context)[self.v_at]
         return out
 
     def _relative(self) -> tuple[np.ndarray, np.ndarray]:
@@ -259,11 +261,11 @@ class DrakePlant:
 
     def slip(self) -> np.ndarray:
         """Pad on the plate: x, y [m] and angle [rad]; (3,) {p}."""
-        return self.read()[self.at.slip_displacement][[0, 1, 5]]
+        return record(self.read(), self.layout).slip_displacement[[0, 1, 5]]
 
     def slip_rate(self) -> np.ndarray:
         """Pad over the plate's material: x, y [m/s] and turning [rad/s]; (3,) {ee}."""
-        return self.read()[self.at.slip_velocity][[0, 1, 5]]
+        return record(self.read(), self.layout).slip_velocity[[0, 1, 5]]
 
     def follow(self, pose, pose_next, normal_force: float) -> None:
         """Move a hand without an arm from one pose to the next in a step; (position (3,), rotation (3, 3)) {w}."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.params import build, flatten
-from slip_core.types import EffortCommand, PoseGoal
+from slip_core.types import JointCommand, PoseGoal
 from slip_sim_bridge.params import BridgeParams
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load_scenario
@@ -108,10 +108,10 @@ class Loop:
 
     def _changed(self, result: Any) -> Any:
         command = result.command
-        if not isinstance(command, EffortCommand) or not len(command.effort):
+        if command.interface != "effort" or not len(command.numbers):
             return command
         gravity = self.loop.controller.gravity
-        return EffortCommand(command.stamp_ns, self._error.effort(np.array(command.effort), np.array(gravity)))
+        return JointCommand(command.stamp_ns, self._error.effort(np.array(command.numbers), np.array(gravity)))
 
     def set_active(self, active: bool) -> None:
         self.loop.session.set_active(active)

@@ -32,7 +32,7 @@ IN1, IN2 = (numba.types.Array(REAL, dimensions, "C", readonly=True) for dimensio
 """Vector and matrix (by rows) that a kernel only reads; arrays that are read-only, and others too, fit."""
 OUT1, OUT2 = (numba.types.Array(REAL, dimensions, "C") for dimensions in (1, 2))
 WHOLE1 = numba.types.Array(INT, 1, "C", readonly=True)
-BOOL, RNG = numba.types.boolean, numba.types.npy_rng
+BOOL = numba.types.boolean
 IN2_F = numba.types.Array(REAL, 2, "F", readonly=True)
 """Matrix by columns, as Eigen has them."""
 

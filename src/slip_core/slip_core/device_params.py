@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any, ClassVar, Final, Literal
 
 from slip_core.params import ParameterModel, parameter
+from slip_core.types import CommandInterface as CommandInterface
 
-CommandInterface = Literal["effort", "velocity", "position"]
 EACH = "one number for all joints or one per joint, empty = none"
 """What a list of joints means; see `DriveModel.of_joints`."""
 

@@ -7,8 +7,7 @@ the time of measurement. 6-vectors are linear part first.
 from __future__ import annotations
 
 from dataclasses import MISSING, dataclass, fields
-from types import MappingProxyType
-from typing import Any, TypeVar, cast, dataclass_transform
+from typing import Any, Literal, TypeVar, cast, dataclass_transform, get_args
 
 import numpy as np
 
@@ -109,52 +108,17 @@ class PoseGoal:
     duration_s: float
 
 
-@sample
-class EffortCommand:
-    """Joint effort answering the joint state of the same stamp; (n,) [N m]."""
-
-    stamp_ns: int
-    effort: Array
-
-    @property
-    def numbers(self) -> Array:
-        """What is commanded; (n,) [N m]."""
-        return self.effort
+CommandInterface = Literal["effort", "velocity", "position"]
+INTERFACES: tuple[CommandInterface, ...] = get_args(CommandInterface)
 
 
 @sample
-class VelocityCommand:
-    """Joint velocity answering the joint state of the same stamp; (n,) [rad/s]."""
+class JointCommand:
+    """Command of the joints answering the joint state of the same stamp; (n,) [N m], [rad/s] or [rad]."""
 
     stamp_ns: int
-    velocity: Array
-
-    @property
-    def numbers(self) -> Array:
-        """What is commanded; (n,) [rad/s]."""
-        return self.velocity
-
-
-@sample
-class PositionCommand:
-    """Joint position answering the joint state of the same stamp; (n,) [rad]."""
-
-    stamp_ns: int
-    position: Array
-
-    @property
-    def numbers(self) -> Array:
-        """What is commanded; (n,) [rad]."""
-        return self.position
-
-
-JointCommand = EffortCommand | VelocityCommand | PositionCommand
-COMMANDS: MappingProxyType[str, type[JointCommand]] = MappingProxyType(
-    {"effort": EffortCommand, "velocity": VelocityCommand, "position": PositionCommand}
-)
-"""By `command.interface`."""
-COMMAND_TOPICS = tuple(f"{interface}_command" for interface in COMMANDS)
-"""Where they travel: an arm has one of them."""
+    numbers: Array
+    interface: CommandInterface = "effort"
 
 
 @sample

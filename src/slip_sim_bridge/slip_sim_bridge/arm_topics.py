@@ -54,7 +54,7 @@ class ArmTopics:
         self.sub_command = create_receiver(
             part,
             f"{interface}_command",
-            ("position", "velocity", "effort"),
+            from_msgs.JOINT_FIELDS,
             lambda message: from_msgs.joint_commands(message, order, interface),
             on_command,
             refusals,

@@ -128,7 +128,7 @@ class SlipSimBridge(GuardedNode, Node):
         self._answers[arm] += 1
         if self._lockstep:
             self._finish_if_answered()
-        elif self._pacer is not None and len(getattr(command, self._common.drive.interface)) and self._answered():
+        elif self._pacer is not None and len(command.numbers) and self._answered():
             self._pacer.answered(time.monotonic())
 
     def _on_grip_force(self, arm: int, message: Any) -> None:

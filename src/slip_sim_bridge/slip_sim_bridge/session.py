@@ -95,8 +95,10 @@ class BridgeSession:
     @property
     def lost(self) -> Incident | None:
         """When and how the object left the first pad; None while all hold it."""
-        loss = self.simulation.loss
-        return None if loss is None else Incident("lost", 1e-9 * (loss.stamp_ns - self._start_ns), loss.text)
+        if self.simulation.loss is None:
+            return None
+        stamp_ns, text = self.simulation.loss
+        return Incident("lost", 1e-9 * (stamp_ns - self._start_ns), text)
 
     def change(self, params: Sequence[BridgeParams]) -> None:
         """Take changed run-time parameters of each arm: sensor faults, a hand that pushes, and grip force."""
@@ -161,12 +163,10 @@ class BridgeSession:
         """
         if command is None:
             return None
-        interface = self._interfaces[index]
-        values: Array | None = getattr(command, interface, None)
-        if values is None:
+        if command.interface != self._interfaces[index]:
             raise InputError(
-                "parameter drive.interface", got=f"{interface}, and {type(command).__name__}",
+                "parameter drive.interface", got=f"{self._interfaces[index]}, and a {command.interface} command",
                 expected="what the controller sends", fix="command.interface of the controller",
             )  # fmt: skip
         age_ns = self.simulation.stamp_ns - command.stamp_ns
-        return values if len(values) and 0 <= age_ns <= self._oldest_ns[index] else None
+        return command.numbers if len(command.numbers) and 0 <= age_ns <= self._oldest_ns[index] else None

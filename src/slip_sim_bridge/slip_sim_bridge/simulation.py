@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,11 +12,12 @@ from slip_core.arms import prefix_of, shared
 from slip_core.arrays import Array, readonly
 from slip_core.compiled import IN1, INT, OUT1, REAL, kernel
 from slip_core.errors import InputError
+from slip_core.records import record
 from slip_core.types import JointSample, ObjectTruth, SlipSample, WrenchSample
 from slip_sim_bridge.drives.drive import Drives
 from slip_sim_bridge.gripper import Gripper
 from slip_sim_bridge.params import WORLD, BridgeParams
-from slip_sim_bridge.plant import DivergenceError, Movable, Plant, ReadOut
+from slip_sim_bridge.plant import DivergenceError, Movable, Plant, read_out
 from slip_sim_bridge.plant.joint_step import JOINT_DRIVE_SIZE
 from slip_sim_bridge.plant.loose import LoosePlant
 from slip_sim_bridge.plant.model import UrdfJoints, urdf_joints
@@ -27,45 +28,37 @@ OBEYED, CLIPPED, NOT_FINITE = 0, 1, 2
 class Readings(NamedTuple):
     """The true samples of one arm at one stamp: joints, wrench h_ee and slip velocity on {ee} axes; the object.
 
-    numbers, layout: all numbers of the stamp in one read-only array, and where they lie in it.
+    numbers, read: all numbers of the stamp in one read-only array, and by name as `read_out` has them.
     """
 
     joint: JointSample
     wrench: WrenchSample
     slip: SlipSample
     numbers: Array
-    layout: ReadOut
+    read: Any
 
     @property
     def truth(self) -> ObjectTruth:
         """Pose and twist of the object and the slip; made when needed, as a controller does not wait for it."""
-        numbers, at = self.numbers, self.layout
+        read = self.read
         return ObjectTruth(
             self.slip.stamp_ns,
-            numbers[at.object_position],
-            numbers[at.object_rotation].reshape(3, 3),
-            numbers[at.object_twist],
-            numbers[at.slip_displacement],
+            read.object_position,
+            read.object_rotation,
+            read.object_twist,
+            read.slip_displacement,
             self.slip.twist,
         )
 
     @property
     def seen(self) -> SlipSample:
         """The slip velocity as a sensor sees it that looks at the object: what pads give way is in it."""
-        yields = self.numbers[self.layout.pad_yield]
-        return SlipSample(self.slip.stamp_ns, self.slip.twist + yields)
+        return SlipSample(self.slip.stamp_ns, self.slip.twist + self.read.pad_yield)
 
     @property
     def pad(self) -> tuple[Array, Array]:
         """Position [m] and attitude of the pad; (3,), (3, 3) {w}."""
-        return self.numbers[self.layout.pad_position], self.numbers[self.layout.pad_rotation].reshape(3, 3)
-
-
-class Loss(NamedTuple):
-    """When the object left the first pad [ns], and how."""
-
-    stamp_ns: int
-    text: str
+        return self.read.pad_position, self.read.pad_rotation
 
 
 class Arm:
@@ -78,7 +71,7 @@ class Arm:
     """
 
     def __init__(self, params: BridgeParams, limits: Array, joints: UrdfJoints) -> None:
-        self.params, self.limits, self.joints, self.layout = params, limits, joints, ReadOut(len(limits))
+        self.params, self.limits, self.joints, self.layout = params, limits, joints, read_out(len(limits))
         self.drives = Drives(params.drive, limits, (joints.friction, joints.damping), params.control_period_s)
         self.gripper = Gripper(params.grip, params.control_period_s)
         self.largest_change = params.effort_rate * params.control_period_s
@@ -175,8 +168,8 @@ class Simulation:
         self._held = make_plant(params, urdfs)
         self._loose = LoosePlant(params, urdfs)
         self.plant: Movable = self._held
-        self.loss: Loss | None = None
-        """When and how the object left the first pad; None while all hold it."""
+        self.loss: tuple[int, str] | None = None
+        """When the object left the first pad [ns], and how; None while all hold it."""
         self.arms = tuple(
             Arm(arm, limits, urdf_joints(arm, urdfs[name]))
             for (name, arm), limits in zip(params.items(), self._held.effort_limits, strict=True)
@@ -293,14 +286,15 @@ class Simulation:
         kept = self._readings[arm]
         if kept is not None and kept.joint.stamp_ns == self.stamp_ns:
             return kept
-        stamp_ns, at, numbers = self.stamp_ns, self.arms[arm].layout, self.plant.read(arm)
+        stamp_ns, numbers = self.stamp_ns, self.plant.read(arm)
         numbers.setflags(write=False)
+        read = record(numbers, self.arms[arm].layout)
         readings = self._readings[arm] = Readings(
-            JointSample(stamp_ns, numbers[at.position], numbers[at.velocity], self.arms[arm].applied),
-            WrenchSample(stamp_ns, numbers[at.wrench]),
-            SlipSample(stamp_ns, numbers[at.slip_velocity]),
+            JointSample(stamp_ns, read.position, read.velocity, self.arms[arm].applied),
+            WrenchSample(stamp_ns, read.wrench),
+            SlipSample(stamp_ns, read.slip_velocity),
             numbers,
-            at,
+            read,
         )
         return readings
 
@@ -334,11 +328,11 @@ class Simulation:
             return False
         arm.has_lost = True
         who = f"{self.names[index]}: " if self.names[index] else ""
-        self.loss = self.loss or Loss(self.stamp_ns, f"{who}the object is lost: {how}")
+        self.loss = self.loss or (self.stamp_ns, f"{who}the object is lost: {how}")
         return True
 
     def _posture(self, index: int) -> Array:
-        return self.plant.read(index)[self.arms[index].layout.position]
+        return np.array(record(self.plant.read(index), self.arms[index].layout).position)
 
     def _start(self) -> None:
         self._started_ns = self.stamp_ns

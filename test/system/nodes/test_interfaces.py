@@ -30,7 +30,7 @@ def test_dds_equals_in_process(tmp_path: Path, kind: str) -> None:
         grips = [m.value.data for m in bag.messages("/grip_command")] if "/grip_command" in bag.topics else []
         verdict = verify_run(read_run(bag, {}))
     ticks = list(run_in_process(loaded))
-    assert [np.array(m.effort).tobytes() for m in commands] == [t.result.command.effort.tobytes() for t in ticks]
+    assert [np.array(m.effort).tobytes() for m in commands] == [t.result.command.numbers.tobytes() for t in ticks]
     assert verdict.text().startswith("identical: 300 cycles")
     assert grips == ([t.result.grip for t in ticks] if kind == "flag" else [])
     assert kind != "flag" or grips[-1] > 1.2 * grips[0]

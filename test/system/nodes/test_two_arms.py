@@ -47,6 +47,6 @@ def test_dds_equals_in_process(recorded: tuple[Scenario, Path]) -> None:
             for tick, command, state in zip(ticks, commands, states, strict=True):
                 assert stamp_to_ns(command.header.stamp) == stamp_to_ns(state.header.stamp) == tick.outputs.stamp_ns
                 assert np.array(state.position).tobytes() == tick.outputs.arms[side].joint.position.tobytes()
-                assert np.array(command.effort).tobytes() == tick.results[side].command.effort.tobytes()
+                assert np.array(command.effort).tobytes() == tick.results[side].command.numbers.tobytes()
             ledger = [tuple(m.value.data) for m in bag.messages(f"/{name}/controller/ledger")]
             assert ledger == [(*tick.results[side].ledger, *tick.results[side].decision) for tick in ticks]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from slip_core.arrays import Array
-from slip_core.types import JointSample, PositionCommand, SlipSample, VelocityCommand, WrenchSample
+from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.safety.modes import Mode, Request
@@ -19,7 +19,7 @@ from test.support.one_arm import OneArm, one_arm
 PERIOD, MS = 1e-3, 1_000_000
 ACCELERATION, JERK = 10.0, 5e3
 ROUNDING = 1e-9
-KINDS = {"velocity_500": VelocityCommand, "position_250": PositionCommand}
+KINDS = {"velocity_500": "velocity", "position_250": "position"}
 
 
 class Run:
@@ -41,7 +41,7 @@ class Run:
 def test_commands_keep_limits(drive: str) -> None:
     run = Run("paper_planar", drive)
     result = run.cycles(700)
-    assert isinstance(result.command, KINDS[drive])
+    assert result.command.interface == KINDS[drive]
     assert result.mode == Mode.ACTIVE
     moving = run.loop.bridge.simulation.observe(0).joint.velocity
     assert np.abs(moving).max() > 0.05
@@ -127,7 +127,7 @@ def test_pause_keeps_step_limit(drive: str, pause_ms: int) -> None:
         before = feed(session, 4 * k, 0.2)
     session.state.motion.velocity[0] = 1.5
     after = session.failed((56 + pause_ms) * MS)
-    assert isinstance(after.command, KINDS[drive])
+    assert after.command.interface == KINDS[drive]
     first = 1.5 if drive == "velocity_500" else before.command.numbers[0]
     step = abs(after.command.numbers[0] - first)
     assert 0.0 < step <= 5 * PERIOD * (ACCELERATION if drive == "velocity_500" else 1.5) + ROUNDING

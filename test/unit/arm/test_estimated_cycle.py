@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from slip_core.types import EffortCommand
+from slip_core.types import JointCommand
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.arm.joint_estimate import Finding
@@ -38,9 +38,9 @@ class Run(WatchedLoop):
             return with_joints(arm, *change(arm.joint.position.copy(), arm.joint.velocity.copy()))
 
         def sent(command: Any) -> Any:
-            if push is None or not len(command.effort):
+            if push is None or not len(command.numbers):
                 return command
-            return EffortCommand(command.stamp_ns, command.effort + push)
+            return JointCommand(command.stamp_ns, command.numbers + push)
 
         for _ in range(count):
             result = self.cycle(sensed, sent)

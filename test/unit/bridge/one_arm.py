@@ -10,7 +10,7 @@ import numpy as np
 from slip_core.arrays import Array
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.plant import Plant
-from slip_sim_bridge.simulation import Arm, Loss, Readings, Simulation
+from slip_sim_bridge.simulation import Arm, Readings, Simulation
 
 UNBOUNDED = 1e8
 """Rate of the drives' efforts with which a test sets what it wants [N m/s]."""
@@ -36,7 +36,7 @@ class OneArm:
         return self.all._held
 
     @property
-    def loss(self) -> Loss | None:
+    def loss(self) -> tuple[int, str] | None:
         return self.all.loss
 
     @property

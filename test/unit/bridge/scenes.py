@@ -66,19 +66,20 @@ def driven_into_the_stop(grip, ticks=300, on_solved=None, **values):
     """
     simulation = scene(initial_position=AT_THE_STOP, grip__force=grip, **values)
     plant = simulation.plant
-    agree = plant._agree_with_joint_stops
+    agree, slip_tau = plant._agree, plant.data.qfrc_applied[7:]
 
     def watched(effort, normal_force, substeps):
-        agree(effort, normal_force, substeps)
-        before, after_state = plant._slip_tau.copy(), plant._next_state.copy()
+        substeps = agree(effort, normal_force, substeps)
+        before, after_state = slip_tau.copy(), plant._next_state.copy()
         for mujoco_pass in (mujoco.mj_fwdActuation, mujoco.mj_fwdAcceleration, mujoco.mj_fwdConstraint):
             mujoco_pass(plant.model, plant.data)
         plant._solve(effort, normal_force, substeps, plant.data.qfrc_constraint, 0)
-        on_solved(float(np.abs(plant._slip_tau - before).max()), before)
-        plant._slip_tau[:], plant._next_state[:] = before, after_state
+        on_solved(float(np.abs(slip_tau - before).max()), before)
+        slip_tau[:], plant._next_state[:] = before, after_state
+        return substeps
 
     if on_solved is not None:
-        plant._agree_with_joint_stops = watched
+        plant._agree = watched
     effort = simulation.observe().joint.effort.copy()
     effort[3] += 30.0
     for _ in range(ticks):

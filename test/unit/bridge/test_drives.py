@@ -13,7 +13,7 @@ from scipy.optimize import lsq_linear
 from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.files.urdf import parse_urdf
-from slip_core.types import EffortCommand, JointSample, VelocityCommand
+from slip_core.types import JointCommand, JointSample
 from slip_description import urdf_text
 from slip_sim_bridge.drives.drive import Drives
 from slip_sim_bridge.drives.params import DriveParams
@@ -290,9 +290,9 @@ def test_the_friction_of_the_urdf_is_used_or_named() -> None:
 
 def test_a_command_of_another_interface_is_named() -> None:
     session = BridgeSession({"": scenario_params(drive__interface="velocity")}, {"": urdf_text()})
-    session.advance([VelocityCommand(0, np.zeros(7))])
+    session.advance([JointCommand(0, np.zeros(7), "velocity")])
     with pytest.raises(InputError, match=r"drive\.interface"):
-        session.advance([EffortCommand(0, np.zeros(7))])
+        session.advance([JointCommand(0, np.zeros(7))])
 
 
 @pytest.mark.parametrize(

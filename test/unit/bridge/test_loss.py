@@ -7,8 +7,9 @@ import pinocchio as pin
 import pytest
 
 from slip_core.errors import InputError
+from slip_core.records import record
 from slip_description import urdf_text
-from slip_sim_bridge.plant import ReadOut
+from slip_sim_bridge.plant import read_out
 from slip_sim_bridge.plant.loose import LoosePlant
 from slip_sim_bridge.session import BridgeSession
 from test.unit.bridge.scenes import Shaker, scenario_params, scene
@@ -31,8 +32,7 @@ def test_without_grip_the_object_falls_in_every_scenario(name: str) -> None:
     fall = before.position - readings.truth.position
     np.testing.assert_allclose(fall, [0.0, 0.0, 0.5 * 9.81 * fallen_s**2], rtol=3 * FIRST_ORDER, atol=1e-6)
     assert simulation.loss is not None
-    assert simulation.loss.stamp_ns == 0
-    assert simulation.loss.text == "the object is lost: the grip is zero"
+    assert simulation.loss == (0, "the object is lost: the grip is zero")
     assert not readings.wrench.wrench.any()
     assert not readings.slip.twist.any()
     assert not readings.truth.slip_displacement.any()
@@ -48,7 +48,7 @@ def test_over_the_edge_it_is_lost_and_before_it_is_not(plant: str) -> None:
         simulation.step(hold.effort())
         assert simulation.stamp_ns < 1_000_000_000
     assert abs(x) > 0.005 or abs(y) > 0.015
-    assert "over the pad's edge" in simulation.loss.text
+    assert "over the pad's edge" in simulation.loss[1]
     left = simulation.observe().truth
     for _ in range(100):
         simulation.step(None)
@@ -84,15 +84,15 @@ def test_taking_over_changes_nothing_but_the_contact() -> None:
         pass
     numbers, loose = simulation.plant.read(0), LoosePlant({"": simulation.params}, {"": urdf_text()})
     loose.take_over([numbers])
-    at, taken = ReadOut(7), loose.read(0)
-    for part in (at.position, at.velocity, at.object_position, at.object_rotation, at.object_twist):
-        np.testing.assert_allclose(taken[part], numbers[part], atol=ROUNDING)
-    np.testing.assert_array_equal(taken[at.slip_displacement], numbers[at.slip_displacement])
-    assert not taken[at.wrench].any()
-    assert not taken[at.slip_velocity].any()
+    held, taken = record(numbers, read_out(7)), record(loose.read(0), read_out(7))
+    for part in ("position", "velocity", "object_position", "object_rotation", "object_twist"):
+        np.testing.assert_allclose(taken[part], held[part], atol=ROUNDING)
+    np.testing.assert_array_equal(taken.slip_displacement, held.slip_displacement)
+    assert not taken.wrench.any()
+    assert not taken.slip_velocity.any()
     model = pin.buildModelFromXML(urdf_text())
-    alone = pin.nonLinearEffects(model, model.createData(), numbers[at.position], numbers[at.velocity])
-    np.testing.assert_allclose(loose.holding_effort(0, numbers[at.position], 0.0, 0.0), alone, atol=1e-8)
+    alone = pin.nonLinearEffects(model, model.createData(), held.position, held.velocity)
+    np.testing.assert_allclose(loose.holding_effort(0, held.position, 0.0, 0.0), alone, atol=1e-8)
 
 
 def test_a_reset_puts_the_object_back_to_the_last_bit() -> None:

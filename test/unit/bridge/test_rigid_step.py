@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from slip_sim_bridge.friction import law_names
+from slip_sim_bridge.friction import LAWS
 from slip_sim_bridge.plant.rigid import STOP_AGREEMENT
 from slip_sim_bridge.plant.solvers import next_point, remember
 from slip_sim_bridge.simulation import Simulation
@@ -91,7 +91,7 @@ def test_a_reset_leaves_no_memory_in_the_bristles():
         assert np.array_equal(simulation.plant.read(0), fresh.plant.read(0))
 
 
-@pytest.mark.parametrize("model", law_names())
+@pytest.mark.parametrize("model", LAWS)
 def test_nothing_pushes_a_held_object_at_the_start(model):
     """In a level pad plane friction is zero, in the first wrench too: no law starts with a strain."""
     simulation = scene(friction__model=model, contacts__position=(0.0, 0.0, 0.0))

@@ -1,4 +1,4 @@
-"""What slip sensors make of the truth: digitising, chips, faults that come and go, and the presets."""
+"""What slip sensors make of the truth: digitising, faults that come and go, and the presets."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from slip_core.params import build
 from slip_core.types import DisplacementSample, JointSample, ObjectTruth, SlipSample, WrenchSample
 from slip_sim_bridge.params import BridgeParams
-from slip_sim_bridge.sensors.slip import dead_band, lifted_chip_reading
+from slip_sim_bridge.sensors.slip import dead_band
 from slip_sim_bridge.sensors.slip_kinds import pose_of
 from slip_sim_bridge.sensors.suite import SensorSuite
 
@@ -45,18 +45,6 @@ def test_dead_band_is_on_the_speed_and_leaves_the_other_half() -> None:
     assert dead_band(MOVING, 0.0, 0.0) is MOVING
     got = dead_band(MOVING, math.hypot(0.03, 0.02) + 1e-6, 0.1)
     assert got.tolist() == [0.0, 0.0, 0.0, 0.0, 0.0, 0.4]
-
-
-def test_all_chips_down_read_the_truth_and_all_lifted_read_zero() -> None:
-    np.testing.assert_allclose(lifted_chip_reading(MOVING, 0, 0.01), MOVING, atol=ROUNDING)
-    assert np.abs(lifted_chip_reading(MOVING, 3, 0.01)[[0, 1, 5]]).max() < ROUNDING
-
-
-def test_a_lifted_chip_takes_its_share_of_straight_motion() -> None:
-    straight = np.array([0.03, -0.02, 0.0, 0.0, 0.0, 0.0])
-    got = lifted_chip_reading(straight, 1, 0.01)
-    np.testing.assert_allclose(got[:2], straight[:2] * 2.0 / 3.0, atol=ROUNDING)
-    assert abs(got[5]) > 0.1, "the missing chip looks like turning"
 
 
 def test_gain_bias_and_invalid() -> None:

@@ -11,7 +11,7 @@ from slip_sim_bridge.params import BridgeParams
 from slip_vic_controller.params.node_params import ControllerNodeParams
 
 NODES = (BridgeParams, ControllerNodeParams)
-SAME_NAME_OTHER_MEANING = {"mode"}  # what a node does in it
+SAME_NAME_OTHER_MEANING = {"mode", "expected_subscribers"}  # what a node does in it, whom it waits for
 
 
 def declared(model: type[ParameterModel]) -> dict[str, tuple]:

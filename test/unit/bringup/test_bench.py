@@ -52,7 +52,7 @@ def test_measured_step_is_the_whole_cycle() -> None:
         now.restore()
         results = [now.step() for _ in now.inputs]
         assert all(result.ok for result in results)
-        rounds.append([result.command.effort.tobytes() for result in results])
+        rounds.append([result.command.numbers.tobytes() for result in results])
     assert rounds[0] == rounds[1]
     assert len(set(rounds[0])) == cost.STRETCH
 

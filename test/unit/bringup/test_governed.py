@@ -71,7 +71,7 @@ def test_off_equals_printed_law() -> None:
         for kind, extra in (("vic", ()), ("governed", ("controller.governor.mode=off", "controller.gains.spin=follow")))
     )  # fmt: skip
     pairs = zip(run_in_process(printed), run_in_process(off), strict=True)
-    assert all(a.result.command.effort.tobytes() == b.result.command.effort.tobytes() for a, b in pairs)
+    assert all(a.result.command.numbers.tobytes() == b.result.command.numbers.tobytes() for a, b in pairs)
 
 
 def test_friction_shares_are_published() -> None:

@@ -53,7 +53,7 @@ def test_a_change_reaches_the_law_without_a_kick() -> None:
         if k == 50:
             session.retune(params(**STIFF))
         result = step(session, k)
-        efforts.append(result.command.effort)
+        efforts.append(result.command.numbers)
         stiffness.append(float(result.record.gains.gains.K_D[0]))
     whole = np.abs(efforts[-1] - efforts[20]).max()
     assert (stiffness[0], stiffness[-1]) == (5.0, 20.0)
@@ -122,7 +122,7 @@ def test_hold_uses_mass_inertia_and_contact_position_of_a_live_change() -> None:
     for k in range(1, 2600):
         if k == 1200:
             changed.retune(params(**new))
-        efforts = [step(session, k).command.effort for session in (changed, started, kept)]
+        efforts = [step(session, k).command.numbers for session in (changed, started, kept)]
     assert all(session.mode == Mode.HOLD for session in (changed, started, kept))
     assert np.abs(efforts[2] - efforts[1]).max() > 0.1, "the change matters"
     np.testing.assert_allclose(efforts[0], efforts[1], atol=1e-9)

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from slip_core.errors import InputError
 from slip_core.records import new, place
-from slip_core.types import DisplacementSample, EffortCommand, WrenchSample
+from slip_core.types import DisplacementSample, JointCommand, WrenchSample
 from slip_msgs_py.messages.from_msgs import slip_flag
 from slip_sim_bridge.sensors.slip_kinds import pose_of
 from slip_vic.run.in_process import ClosedLoop
@@ -103,9 +103,9 @@ def test_a_constant_zero_wrench_is_invalid() -> None:
 
 
 def test_an_arm_that_compensates_gravity() -> None:
-    def with_gravity(loop: ClosedLoop, result) -> EffortCommand:
+    def with_gravity(loop: ClosedLoop, result) -> JointCommand:
         g = loop.controller.controller.robot.gravity(result.joint.position)
-        return EffortCommand(result.command.stamp_ns, result.command.effort + g)
+        return JointCommand(result.command.stamp_ns, result.command.numbers + g)
 
     own = scenario("controller.effort.gravity=robot_compensates")
     assert np.abs(efforts(own, command=with_gravity) - efforts(scenario())).max() < ROUNDING

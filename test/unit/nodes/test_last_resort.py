@@ -46,10 +46,10 @@ def test_failure_is_a_resettable_fault(controller: Controller) -> None:
     assert "internal error" in result.reason
     assert result.decision[4] == Request.FAILED  # in the ledger, so that a replay does the same
     step = controller.first.params.safety.limits.effort_rate * 1e-3
-    assert np.abs(result.command.effort - before.command.effort).max() <= step + 1e-12
+    assert np.abs(result.command.numbers - before.command.numbers).max() <= step + 1e-12
     after = feed(session, 51 * MS, 51 * MS)
     assert after.mode == Mode.FAULT
-    assert len(after.command.effort) == 7
+    assert len(after.command.numbers) == 7
     session.request(Request.RESET_FAULT)
     assert feed(session, 52 * MS, 52 * MS).mode == Mode.HOLD
     session.request(Request.ENABLE)
@@ -67,7 +67,7 @@ def test_extreme_stamps_keep_efforts_finite(controller: Controller) -> None:
                 now_ns += MS
                 session.add_manifest(_Any())  # type: ignore[arg-type]
                 result = feed(session, min(stamp_ns + k, LARGEST_NS), now_ns)
-                assert result is None or np.isfinite(result.command.effort).all()
+                assert result is None or np.isfinite(result.command.numbers).all()
 
 
 class _Any:

@@ -72,7 +72,7 @@ def run_loop(bridge: BridgeSession, controller: Controller) -> None:
         session.add_manifest(Manifest(tick.tick, tick.stamp_ns, (int(counts[0]),), (int(counts[1]),)))
         result = session.cycle()
         assert result is not None
-        effort = result.command.effort
+        effort = result.command.numbers
         assert np.isfinite(effort).all()
         assert (np.abs(effort) <= controller.first.robot.effort_limit[: len(effort)]).all()
         bridge.advance([result.command])

@@ -46,8 +46,8 @@ def with_value(values, index: int, value: float) -> np.ndarray:
 
 
 def inside(made_up: MadeUp, result) -> None:
-    assert np.isfinite(result.command.effort).all()
-    assert (np.abs(result.command.effort) <= made_up.controller.first.robot.effort_limit).all()
+    assert np.isfinite(result.command.numbers).all()
+    assert (np.abs(result.command.numbers) <= made_up.controller.first.robot.effort_limit).all()
 
 
 # -- bad input ----------------------------------------------------------------------------------------
@@ -78,7 +78,7 @@ def test_safe_command_is_gravity_and_damping() -> None:
     result = made_up.past_validation(joint, with_value(LOAD, 2, NAN))
     expected = made_up.controller.first.robot.gravity(joint.position) - 2.0 * joint.velocity
     np.testing.assert_allclose(result.record.wanted[:N], expected, atol=ROUNDING)
-    np.testing.assert_allclose(result.command.effort, expected, atol=1.0)  # as fast as the rate limit lets it
+    np.testing.assert_allclose(result.command.numbers, expected, atol=1.0)  # as fast as the rate limit lets it
 
 
 @pytest.mark.parametrize(
@@ -110,13 +110,13 @@ def test_wrong_stamps_are_bridged() -> None:
 
     for passed in range(0, bridge_ns + 1, MS):
         bad = cycle()
-        assert bad.command.effort.tobytes() == good.command.effort.tobytes()
+        assert bad.command.numbers.tobytes() == good.command.numbers.tobytes()
         assert bad.mode == Mode.ACTIVE, passed
     for _ in range(100):
         bad = cycle()
     assert (bad.mode, bad.reason) == (Mode.HOLD, "joint state is out of order")
     expected = made_up.controller.first.robot.gravity(good.joint.position)
-    np.testing.assert_allclose(bad.command.effort, expected, atol=ROUNDING)
+    np.testing.assert_allclose(bad.command.numbers, expected, atol=ROUNDING)
     assert not bad.ok
 
 

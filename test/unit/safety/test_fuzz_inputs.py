@@ -178,6 +178,6 @@ def _run(
         results.append(session.watchdog(now_ns))
         for result in results:
             if result is not None:
-                monitor.take(now_ns, result.command.effort, partial(starts_of, session, joint), result.joint.stamp_ns)
+                monitor.take(now_ns, result.command.numbers, partial(starts_of, session, joint), result.joint.stamp_ns)
         bridge.advance([None])
     assert monitor.violations == []

@@ -122,10 +122,10 @@ def test_silence_leads_to_gravity_compensation() -> None:
         first = wait(made_up, 1)
         assert first is not None
         assert (first.mode, first.reason, first.ok) == (Mode.HOLD, "joint state is silent", False)
-        gravity, efforts = made_up.session.gravity, [last.command.effort, first.command.effort]
+        gravity, efforts = made_up.session.gravity, [last.command.numbers, first.command.numbers]
         assert np.abs(efforts[0] - gravity).max() > 6.0
         while (result := wait(made_up, 4 * MS)) is not None:
-            efforts.append(result.command.effort)
+            efforts.append(result.command.numbers)
         steps = [np.abs(after - before).max() for before, after in pairwise(efforts)]
         assert steps[0] == pytest.approx(5.0)  # 1000 N m/s, and a pause counts 5 ms
         assert max(steps[1:]) <= 4.0 + 1e-9

@@ -32,7 +32,7 @@ def recovers(made_up: MadeUp) -> bool:
         session.request(Request.ENABLE)
         made_up.run(5, **STILL)
     result = made_up.run(700, **STILL)
-    finite = bool(np.isfinite(result.command.effort).all()) and len(result.command.effort) == N
+    finite = bool(np.isfinite(result.command.numbers).all()) and len(result.command.numbers) == N
     return result.mode == Mode.ACTIVE and finite
 
 

@@ -13,14 +13,12 @@ from slip_core.stamps import NS_PER_S
 from slip_core.topics import WORLD
 from slip_core.types import (
     CartesianReference,
+    CommandInterface,
     DisplacementSample,
-    EffortCommand,
     JointCommand,
     JointSample,
     PoseGoal,
-    PositionCommand,
     SlipSample,
-    VelocityCommand,
 )
 
 if TYPE_CHECKING:  # the fields are the same, whether ROS or a bag reader decodes
@@ -30,6 +28,7 @@ if TYPE_CHECKING:  # the fields are the same, whether ROS or a bag reader decode
 
 Sample = TypeVar("Sample")
 FLAG_UP = 0.5
+JOINT_FIELDS = ("position", "velocity", "effort")
 LEAST_NORM = 1e-6
 
 
@@ -98,7 +97,7 @@ def joint_samples(message: JointState, order: JointOrder) -> Callable[[int, Arra
 
 
 def joint_commands(
-    message: JointState, order: JointOrder, interface: str
+    message: JointState, order: JointOrder, interface: CommandInterface
 ) -> Callable[[int, Array, Array, Array], JointCommand]:
     """Check names and sizes of a command; return what makes commands of (stamp_ns, position, velocity, effort).
 
@@ -113,11 +112,8 @@ def joint_commands(
             f"{interface} command", got=f"{len(message.name)} names, {count} numbers", expected="one number per name"
         )
     pick = _picker(index if count else [])
-    if interface == "velocity":
-        return lambda stamp_ns, _position, velocity, _effort: VelocityCommand(stamp_ns, pick(velocity))
-    if interface == "position":
-        return lambda stamp_ns, position, _velocity, _effort: PositionCommand(stamp_ns, pick(position))
-    return lambda stamp_ns, _position, _velocity, effort: EffortCommand(stamp_ns, pick(effort))
+    which = JOINT_FIELDS.index(interface)
+    return lambda stamp_ns, *fields: JointCommand(stamp_ns, pick(fields[which]), interface)
 
 
 def _picker(index: list[int]) -> Callable[[Array], Array]:

@@ -1,15 +1,13 @@
 """Friction between pads and object: one file per law, behind one interface.
 
 In scaled coordinates (see `limit_surface`) a law says how much friction there is at a speed, and solves one implicit
-step. A new law `x` is a file `friction/x.py` with what `FrictionLaw` requires, its name and parameters in
-`friction/params.py`, and a test: nothing else needs it.
+step. A new law is a file with what `FrictionLaw` requires, its name in `LAWS` and in `friction/params.py`, and a test.
 """
 
 from __future__ import annotations
 
 import importlib
-import typing
-from typing import TYPE_CHECKING, Any, Protocol, cast
+from typing import TYPE_CHECKING, Any, Final, Protocol, cast
 
 from slip_sim_bridge.friction.params import FrictionParams
 
@@ -19,6 +17,10 @@ if TYPE_CHECKING:  # the parameters are read, and a bad one is answered, before 
     from slip_core.arrays import Array
     from slip_core.symmetric import Sym
     from slip_core.vectors import Vec
+
+
+LAWS: Final = {"stribeck": "stribeck", "coulomb": "stribeck", "lugre": "lugre"}
+"""Module of each `friction.model`."""
 
 
 class FrictionLaw(Protocol):
@@ -53,16 +55,11 @@ class FrictionLaw(Protocol):
         ...
 
 
-def law_names() -> tuple[str, ...]:
-    """Return the names of all laws: what `friction.model` accepts."""
-    return typing.get_args(FrictionParams.model_fields["model"].annotation)
-
-
 def friction_law(params: FrictionParams) -> tuple[FrictionLaw, Array]:
     """Return the law that `params.model` names, and its parameters laid out by its `LAYOUT`."""
     from slip_core.records import new, record
 
-    law = cast(FrictionLaw, importlib.import_module(f"{__name__}.{params.model}"))
+    law = cast(FrictionLaw, importlib.import_module(f"{__name__}.{LAWS[params.model]}"))
     parameters = new(law.LAYOUT)
     law.fill(record(parameters, law.LAYOUT), params)
     return law, parameters

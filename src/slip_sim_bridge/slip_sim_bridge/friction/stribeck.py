@@ -1,6 +1,6 @@
 """Stribeck friction: F(s) = N (mu_k + (mu_s - mu_k) exp(-(s / stribeck_velocity)^2)) + viscous s.
 
-The viscous part is a force per speed, which does not scale with N.
+The viscous part is a force per speed, which does not scale with N. Coulomb's law is the curve with mu_k alone.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ STATEFUL = False
 
 def fill(law: Stribeck, params: FrictionParams) -> None:
     """Write the parameters to the record."""
-    law.mu_s, law.mu_k = params.mu_s, params.mu_k
-    law.stribeck_velocity, law.viscous = params.stribeck_velocity, params.viscous
+    law.mu_k, law.stribeck_velocity = params.mu_k, params.stribeck_velocity
+    law.mu_s, law.viscous = (params.mu_k, 0.0) if params.model == "coulomb" else (params.mu_s, params.viscous)
 
 
 @part

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 from collections.abc import Sequence
 from typing import Protocol
@@ -50,26 +51,11 @@ class DivergenceError(SlipVicError):
     """The simulated state is no longer finite or physical; only a reset helps."""
 
 
-class ReadOut:
-    """Where the numbers of one arm's read-out lie: `Grasp`, then joint positions and velocities, in one array.
-
-    Every attribute is a slice, named as the fields.
-    """
-
-    def __init__(self, joints: int) -> None:
-        self.layout = layout([("grasp", GRASP), ("position", REAL, joints), ("velocity", REAL, joints)])
-        self.size = self.layout.itemsize // 8
-        self.position, self.velocity = self._slice("position"), self._slice("velocity")
-        self.wrench, self.slip_displacement = self._slice("wrench"), self._slice("slip_displacement")
-        self.slip_velocity, self.object_position = self._slice("slip_velocity"), self._slice("object_position")
-        self.object_rotation, self.object_twist = self._slice("object_rotation"), self._slice("object_twist")
-        self.pad_position, self.pad_rotation = self._slice("pad_position"), self._slice("pad_rotation")
-        self.pad_yield = self._slice("pad_yield")
-
-    def _slice(self, name: str) -> slice:
-        fields: dict[str, tuple[np.dtype[np.void], int]] = {**(GRASP.fields or {}), **(self.layout.fields or {})}  # type: ignore[dict-item]
-        dtype, offset = fields[name]
-        return slice(offset // 8, (offset + dtype.itemsize) // 8)
+@functools.cache
+def read_out(joints: int) -> np.dtype[np.void]:
+    """Return the layout of one arm's read-out: the fields of `Grasp`, then positions and velocities of its joints."""
+    joint_fields = [("position", REAL, (joints,)), ("velocity", REAL, (joints,))]
+    return layout([*((name, GRASP[name]) for name in GRASP.names or ()), *joint_fields])
 
 
 class Movable(Protocol):
@@ -91,7 +77,7 @@ class Movable(Protocol):
         ...
 
     def read(self, arm: int) -> Array:
-        """Return everything that can be read of one arm, as a fresh array laid out by `ReadOut`; (2 n + 54,)."""
+        """Return everything that can be read of one arm, as a fresh array laid out by `read_out`; (2 n + 54,)."""
         ...
 
 

@@ -13,13 +13,13 @@ from collections.abc import Mapping
 import mujoco
 import numpy as np
 
-from slip_core.arrays import Array, matrix_from_quat_xyzw, readonly
+from slip_core.arrays import Array, matrix_from_quat_xyzw
 from slip_core.errors import InputError
 from slip_core.records import Records, record, records
 from slip_sim_bridge.friction import friction_law
 from slip_sim_bridge.friction.limit_surface import ROOT_MARGIN
 from slip_sim_bridge.params import BridgeParams
-from slip_sim_bridge.plant import DivergenceError, ReadOut
+from slip_sim_bridge.plant import DivergenceError, read_out
 from slip_sim_bridge.plant.elastic_step import (
     ELASTIC_CONTACT,
     FRAME,
@@ -86,7 +86,7 @@ class ElasticPlant:
                 )
         self._sites = [model.site(name_of(name, PAD)).id for name in arms]
         self._tree = tree_of(model)
-        self._sizes = [ReadOut(len(joints)).size for joints in names]
+        self._sizes = [read_out(len(joints)).itemsize // 8 for joints in names]
         self._levers: list[Array] = []
         self._qpos: Array = data.qpos
         self._qvel: Array = data.qvel
@@ -133,11 +133,16 @@ class ElasticPlant:
         mujoco.mju_quatIntegrate(quaternion, R_o.T @ d[3:], 1.0)
         self._object_pose[:3], self._object_pose[3:7] = x_o + d[:3], quaternion
         mujoco.mj_step1(model, data)
-        self._rows[:] = 0.0
         self._look()
-        for i, R in enumerate(R_pad):
-            self._rows[6 * i : 6 * i + 3] = -R.T @ self._jacobians[6 * i : 6 * i + 3]
-            self._rows[6 * i + 3 : 6 * i + 6] = -R.T @ self._jacobians[6 * i + 3 : 6 * i + 6]
+        body = self._frame[len(contacts)]
+        for i in range(len(contacts)):
+            at, R = 6 * i, self._frame[i].rotation
+            self._rows[at : at + 3], self._rows[at + 3 : at + 6] = (
+                -R.T @ self._jacobians[first : first + 3] for first in (at, at + 3)
+            )
+            seen = _as_seen_at(R, self._frame[i].position - body.position)
+            seen[:, 3:] = seen[:, 3:] @ body.rotation
+            self._rows[at : at + 6, self._arms :] = seen
 
     def advance(self, efforts: Array, normal_forces: Array, drives: Array | None = None) -> None:
         """Advance one control period; (sum of n,) [N m], (N,) [N].
@@ -210,7 +215,7 @@ class ElasticPlant:
         return np.array(data.qfrc_bias[at] - load + self._mass_matrix[at, at] @ pull)
 
     def read(self, arm: int) -> Array:
-        """Return everything that can be read of one arm, laid out by `ReadOut`; (2 n + 54,)."""
+        """Return everything that can be read of one arm, laid out by `read_out`; (2 n + 54,)."""
         self._look()
         out, at = np.empty(self._sizes[arm]), self._joints[arm]
         read_elastic(
@@ -226,11 +231,6 @@ class ElasticPlant:
         stored = sum(0.5 * float(c.deflection @ (c.stiffness * c.deflection)) for c in self._contacts)
         taken = sum(float(c.rubbed + c.damped) for c in self._contacts)
         return float(data.energy[0] + data.energy[1]) + stored, taken
-
-    @property
-    def deflections(self) -> Array:
-        """Deflection of all pads; (N, 6) [m, rad] pad axes."""
-        return readonly(np.array([contact.deflection for contact in self._contacts]))
 
     def _look(self) -> None:
         """Take the poses of pads and object, and the pads' Jacobians, from MuJoCo."""
@@ -253,17 +253,8 @@ class ElasticPlant:
 
     def _stiffest_motion(self) -> float:
         """Return the largest natural frequency of arms and object on the springs of the pads, at the start [rad/s]."""
-        model, rows, count = self.model, np.zeros_like(self._rows), len(self._contacts)
-        body = self._frame[count]
-        mujoco.mj_fullM(model, self.data, self._mass_matrix)
-        for i in range(count):
-            R, r = self._frame[i].rotation, self._frame[i].position - body.position
-            seen = _as_seen_at(R, r)
-            seen[:, 3:] = seen[:, 3:] @ body.rotation
-            rows[6 * i : 6 * i + 3] = -R.T @ self._jacobians[6 * i : 6 * i + 3]
-            rows[6 * i + 3 : 6 * i + 6] = -R.T @ self._jacobians[6 * i + 3 : 6 * i + 6]
-            rows[6 * i : 6 * i + 6, self._arms :] = seen
-        A = rows @ np.linalg.solve(self._mass_matrix, rows.T)
+        mujoco.mj_fullM(self.model, self.data, self._mass_matrix)
+        A = self._rows @ np.linalg.solve(self._mass_matrix, self._rows.T)
         K = np.concatenate([contact.stiffness for contact in self._contacts])
         root = np.sqrt(K)
         return math.sqrt(float(np.linalg.eigvalsh(root[:, None] * A * root).max()))

@@ -304,7 +304,7 @@ def read_elastic(
     state: Array, i: int, position: Array, velocity: Array, object_velocity: Array, frames: Array, period: float,
     out: Array,
 ) -> None:  # fmt: skip
-    """Write what can be read of one arm to `out`, laid out by `ReadOut`.
+    """Write what can be read of one arm to `out`, laid out by `plant.read_out`.
 
     Args:
         state: an ELASTIC_CONTACT per contact.

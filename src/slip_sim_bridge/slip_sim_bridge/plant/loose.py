@@ -13,8 +13,9 @@ import mujoco
 import numpy as np
 
 from slip_core.arrays import Array
+from slip_core.records import new, record
 from slip_sim_bridge.params import BridgeParams
-from slip_sim_bridge.plant import DivergenceError, ReadOut
+from slip_sim_bridge.plant import DivergenceError, read_out
 from slip_sim_bridge.plant.joint_step import TORQUE, joint_step
 from slip_sim_bridge.plant.model import OBJECT, PAD, Divergence, free_object_model, name_of, tree_of
 
@@ -31,23 +32,22 @@ class LoosePlant:
         self._joints = [slice(begin, end) for begin, end in zip([0, *ends], ends, strict=False)]
         self._n, self._body = ends[-1], self.model.body(OBJECT).id
         self._sites = [self.model.site(name_of(name, PAD)).id for name in arms]
-        self._at = [ReadOut(len(arm.joint_names)) for arm in arms.values()]
+        self._layouts = [read_out(len(arm.joint_names)) for arm in arms.values()]
         self._slip_displacements = [np.zeros(6) for _ in arms]
 
     def take_over(self, numbers: Sequence[Array]) -> None:
-        """Continue from what was read of each arm while the object was held; laid out by `ReadOut`."""
-        n, data, first = self._n, self.data, self._at[0]
+        """Continue from what was read of each arm while the object was held; laid out by `read_out`."""
+        n, data = self._n, self.data
+        held = [record(each, layout) for each, layout in zip(numbers, self._layouts, strict=True)]
         mujoco.mj_resetData(self.model, data)
-        for at, joints, each in zip(self._at, self._joints, numbers, strict=True):
-            data.qpos[joints], data.qvel[joints] = each[at.position], each[at.velocity]
-        R_o, twist = numbers[0][first.object_rotation], numbers[0][first.object_twist]
-        data.qpos[n : n + 3] = numbers[0][first.object_position]
-        mujoco.mju_mat2Quat(data.qpos[n + 3 :], R_o)
+        for joints, arm in zip(self._joints, held, strict=True):
+            data.qpos[joints], data.qvel[joints] = arm.position, arm.velocity
+        R_o, twist = held[0].object_rotation, held[0].object_twist
+        data.qpos[n : n + 3] = held[0].object_position
+        mujoco.mju_mat2Quat(data.qpos[n + 3 :], R_o.ravel())
         data.qvel[n : n + 3] = twist[:3]
-        data.qvel[n + 3 :] = R_o.reshape(3, 3).T @ twist[3:]  # MuJoCo has it on the body's axes
-        self._slip_displacements = [
-            each[at.slip_displacement].copy() for at, each in zip(self._at, numbers, strict=True)
-        ]
+        data.qvel[n + 3 :] = R_o.T @ twist[3:]  # MuJoCo has it on the body's axes
+        self._slip_displacements = [arm.slip_displacement.copy() for arm in held]
         mujoco.mj_step1(self.model, data)
 
     def advance(self, efforts: Array, _normal_forces: Array, drives: Array | None = None) -> None:
@@ -72,12 +72,13 @@ class LoosePlant:
         return np.array(data.qfrc_bias[joints] + full[joints, joints] @ pull)
 
     def read(self, arm: int) -> Array:
-        """Return everything that can be read of one arm, laid out by `ReadOut`; (2 n + 54,)."""
-        data, at, joints, n, site = self.data, self._at[arm], self._joints[arm], self._n, self._sites[arm]
-        out, R_o = np.zeros(at.size), data.xmat[self._body]
-        out[at.position], out[at.velocity] = data.qpos[joints], data.qvel[joints]
-        out[at.slip_displacement] = self._slip_displacements[arm]
-        out[at.object_position], out[at.object_rotation] = data.xipos[self._body], R_o
-        out[at.object_twist] = (*data.qvel[n : n + 3], *(R_o.reshape(3, 3) @ data.qvel[n + 3 :]))
-        out[at.pad_position], out[at.pad_rotation] = data.site_xpos[site], data.site_xmat[site]
+        """Return everything that can be read of one arm, laid out by `read_out`."""
+        data, joints, n, site = self.data, self._joints[arm], self._n, self._sites[arm]
+        out, R_o = new(self._layouts[arm]), data.xmat[self._body].reshape(3, 3)
+        read = record(out, self._layouts[arm])
+        read.position, read.velocity = data.qpos[joints], data.qvel[joints]
+        read.slip_displacement = self._slip_displacements[arm]
+        read.object_position, read.object_rotation = data.xipos[self._body], R_o
+        read.object_twist = (*data.qvel[n : n + 3], *(R_o @ data.qvel[n + 3 :]))
+        read.pad_position, read.pad_rotation = data.site_xpos[site], data.site_xmat[site].reshape(3, 3)
         return out

@@ -16,10 +16,10 @@ from slip_core.arrays import Array, matrix_from_quat_xyzw
 from slip_core.errors import InputError
 from slip_core.files.urdf import on_base
 from slip_core.records import new, record
-from slip_sim_bridge.friction import friction_law, law_names
+from slip_sim_bridge.friction import LAWS, friction_law
 from slip_sim_bridge.friction.params import FrictionParams
 from slip_sim_bridge.params import BridgeParams
-from slip_sim_bridge.plant import DivergenceError, ReadOut
+from slip_sim_bridge.plant import DivergenceError, read_out
 from slip_sim_bridge.plant.joint_step import JOINT_DRIVE_SIZE
 from slip_sim_bridge.plant.model import (
     OBJECT,
@@ -34,7 +34,7 @@ from slip_sim_bridge.plant.model import (
     set_object_inertia,
     tree_of,
 )
-from slip_sim_bridge.plant.rigid_step import RIGID_CONTACT, RigidContact, read_out, rigid_step
+from slip_sim_bridge.plant.rigid_step import RIGID_CONTACT, RigidContact, read_rigid, rigid_step
 
 SLIP_JOINTS = ("grasp_slip_x", "grasp_slip_y", "grasp_slip_rz")
 STOP_PASSES = 20
@@ -65,7 +65,7 @@ def build_model(params: BridgeParams, urdf_text: str) -> mujoco.MjModel:
 
 def compile_laws() -> None:
     """Compile the grasp step of every friction law, so that no run waits for it."""
-    for name in law_names():
+    for name in sorted({*LAWS.values()}):
         law, _ = friction_law(FrictionParams.model_validate({"model": name}))
         rigid_step(law)
 
@@ -112,7 +112,6 @@ class RigidPlant:
         self._bias: Array = data.qfrc_bias
         self._factor: Array = data.qLD
         self._inverse_diagonal: Array = data.qLDiagInv
-        self._slip_tau: Array = data.qfrc_applied[n:]
         self._readings: Array = data.sensordata[sensors]
         self._object_position: Array = data.xipos[body]
         self._object_rotation: Array = data.xmat[body].reshape(3, 3)
@@ -123,7 +122,7 @@ class RigidPlant:
         self._option = model.opt
 
         self._tree = tree_of(model)
-        self._size = ReadOut(n).size
+        self._size = read_out(n).itemsize // 8
         self._no_stops = np.zeros(model.nv)
         self._body, self._push, self._pushed = body, np.zeros(6), False
         self._outside = self._no_stops
@@ -184,9 +183,9 @@ class RigidPlant:
         return self._bias[:n] + self._mass_matrix[:n, :n] @ pull
 
     def read(self, _arm: int) -> Array:
-        """Return everything that can be read, laid out by `ReadOut`; (2 n + 54,)."""
+        """Return everything that can be read, laid out by `read_out`; (2 n + 54,)."""
         out = np.empty(self._size)
-        read_out(
+        read_rigid(
             self._qpos, self._qvel, self._readings, self._object_position, self._object_rotation,
             self._object_spatial, self._root, self._p_R_o, self._pad_position, self._pad_rotation, out,
         )  # fmt: skip
@@ -201,14 +200,9 @@ class RigidPlant:
         """Put effort and the friction of the coming step on the joints; return into how many the period is split."""
         if self._pushed:
             self._lean()
-        if self._drives is not None:
-            return self._agree_with_drives(self._drives, effort, normal_force, substeps)
-        if not self.data.nefc:
+        if self._drives is None and not self.data.nefc:
             return self._solve(effort, normal_force, substeps, self._outside, 1)
-        substeps = self._solve(effort, normal_force, substeps, self._outside, 0)
-        self._agree_with_joint_stops(effort, normal_force, substeps)
-        self._state[:] = self._next_state
-        return substeps
+        return self._agree(effort, normal_force, substeps)
 
     def _lean(self) -> None:
         """Put the hand's wrench on the object, and on the joints for the friction law, which looks ahead of MuJoCo."""
@@ -225,9 +219,9 @@ class RigidPlant:
             effort, self._law, self._pad, normal_force, substeps, keep, drives, self._applied,
         )  # fmt: skip
 
-    def _agree_with_drives(self, drives: Array, effort: Array, normal_force: float, substeps: int) -> int:
+    def _agree(self, effort: Array, normal_force: float, substeps: int) -> int:
         """Find friction of the grasp, torques of the drives and forces of joint stops that fit; the grasp is last."""
-        data = self.data
+        data, drives = self.data, NO_DRIVES if self._drives is None else self._drives
         substeps = self._solve(effort, normal_force, substeps, self._outside, 0)
         stops = np.zeros(self.model.nv)
         for _ in range(STOP_PASSES):
@@ -243,14 +237,3 @@ class RigidPlant:
                 break
         self._state[:] = self._next_state
         return substeps
-
-    def _agree_with_joint_stops(self, effort: Array, normal_force: float, substeps: int) -> None:
-        """Repeat friction and the forces of active joint stops in turn until both fit; a pass gains a factor of 40."""
-        data = self.data
-        for _ in range(STOP_PASSES):
-            before = self._slip_tau.tolist()
-            mujoco.mj_fwdAcceleration(self.model, data)
-            mujoco.mj_fwdConstraint(self.model, data)
-            self._solve(effort, normal_force, substeps, data.qfrc_constraint + self._outside, 0)
-            if max(abs(x - y) for x, y in zip(before, self._slip_tau.tolist(), strict=True)) < STOP_AGREEMENT:
-                break

@@ -147,11 +147,11 @@ def rigid_step(law: FrictionLaw) -> Any:
 
 
 @kernel(VOID(IN1, IN1, IN1, IN1, IN2, IN1, IN1, IN2, IN1, IN2, OUT1))
-def read_out(
+def read_rigid(
     qpos: Array, qvel: Array, readings: Array, com: Array, turned: Array, spatial: Array, root: Array, p_R_o: Array,
     pad_position: Array, pad_rotation: Array, out: Array,
 ) -> None:  # fmt: skip
-    """Write what can be read of arm and grasp to `out`, laid out by `ReadOut`.
+    """Write what can be read of arm and grasp to `out`, laid out by `plant.read_out`.
 
     Args:
         qpos, qvel: joint state, relative joints last; (nv,).

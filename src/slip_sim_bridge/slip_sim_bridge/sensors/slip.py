@@ -1,6 +1,6 @@
-"""What a slip sensor makes of the true slip velocity: chips, gain, noise, outliers, saturation, quantum, dead band.
+"""What a slip sensor makes of the true slip velocity: gain, noise, outliers, saturation, quantum, dead band.
 
-Noise and faults draw from two streams, and as often with a fault as without: switching one on does not change the rest.
+Noise and faults draw from two streams: switching a fault on does not change the noise.
 """
 
 from __future__ import annotations
@@ -12,13 +12,11 @@ import numpy as np
 from numpy.random import Generator
 
 from slip_core.arrays import Array, readonly
-from slip_core.compiled import BOOL, IN1, OUT2, RNG, VOID, kernel
 from slip_core.types import SlipSample
-from slip_sim_bridge.sensors.params import CHIPS, SlipFaultParams, SlipSensorParams
+from slip_sim_bridge.sensors.params import SlipFaultParams, SlipSensorParams
 
 _INVALID = readonly(np.full(6, math.nan))
 _STILL = readonly(np.zeros(3))
-_DRAWN_AHEAD = 256
 
 
 class SlipMeasurement:
@@ -38,7 +36,6 @@ class SlipMeasurement:
         self._noisy = bool(self._deviation.any())
         self._exact = max(params.quantum_linear, params.dead_band_linear, params.dead_band_angular) == 0.0
         self._make_rng = fault_rng
-        self._drawn = np.empty((_DRAWN_AHEAD, 8))
         self.faults = params.faults
         self.reset()
 
@@ -52,49 +49,37 @@ class SlipMeasurement:
         self._faults = faults
         lossy = faults.silent or faults.invalid or faults.frozen or faults.dropout_probability > 0.0
         self._keeps_all = not lossy and faults.outlier_probability == 0.0
-        self._true_to_scale = not faults.lifted_chips and faults.gain == 1.0 and not any(faults.bias)
+        self._true_to_scale = faults.gain == 1.0 and not any(faults.bias)
 
     def reset(self) -> None:
         """Forget the last reading and start the faults' random stream afresh."""
         self._rng = self._make_rng()
-        self._next = _DRAWN_AHEAD
         self._last: Array | None = None
 
     def __call__(self, truth: SlipSample, rng: Generator) -> SlipSample | None:
         """Return the measured sample, or None where it is lost; noise is drawn from `rng`."""
         noise = rng.standard_normal(6) if self._noisy else None
-        drawn = self._draw()
         if self._keeps_all:
             twist = self._read(truth.twist, noise)
         else:
-            faults, chance = self._faults, self._drawn[drawn]
-            if faults.silent or chance[0] < faults.dropout_probability:
+            faults, chances, odd = self._faults, self._rng.random(2), self._rng.standard_normal(6)
+            if faults.silent or chances[0] < faults.dropout_probability:
                 return None
             if faults.invalid:
                 return SlipSample(truth.stamp_ns, _INVALID, valid=False)
             if faults.frozen and self._last is not None:
                 return SlipSample(truth.stamp_ns, self._last)
             twist = self._read(truth.twist, noise)
-            if chance[1] < faults.outlier_probability:
+            if chances[1] < faults.outlier_probability:
                 size = np.repeat((faults.outlier_linear, faults.outlier_angular), 3)
-                twist = self._digitise(size * chance[2:] * self._axes)
+                twist = self._digitise(size * odd * self._axes)
         self._last = twist
         return truth if twist is truth.twist else SlipSample(truth.stamp_ns, twist, truth.valid)
-
-    def _draw(self) -> int:
-        """Return the row with the next two uniform and six normal numbers of the faults' stream, drawn ahead."""
-        if self._next == _DRAWN_AHEAD:
-            draw_chances(self._rng, self._drawn)
-            self._next = 0
-        self._next += 1
-        return self._next - 1
 
     def _read(self, truth: Array, noise: Array | None) -> Array:
         faults, twist = self._faults, truth
         if self._true_to_scale:
             return self._digitise(twist if noise is None else twist + self._deviation * noise)
-        if faults.lifted_chips:
-            twist = lifted_chip_reading(twist, faults.lifted_chips, self._params.chip_radius)
         if faults.gain != 1.0:
             twist = faults.gain * twist
         if noise is not None:
@@ -105,7 +90,7 @@ class SlipMeasurement:
 
     def _digitise(self, twist: Array) -> Array:
         params = self._params
-        if exceeds(twist, self._saturation):
+        if (np.abs(twist) > self._saturation).any():
             twist = np.clip(twist, -self._saturation, self._saturation)
         if self._exact:
             return twist
@@ -126,47 +111,3 @@ def dead_band(twist: Array, linear: float, angular: float) -> Array:
     return (
         twist if moves and turns else np.concatenate((twist[:3] if moves else _STILL, twist[3:] if turns else _STILL))
     )
-
-
-def lifted_chip_reading(twist: Array, lifted: int, radius: float) -> Array:
-    """Return what optical chips on a circle make of a twist while the first `lifted` of them read zero.
-
-    Every chip reads the two linear velocities at its place; x, y and the turn about z follow by least squares, as a
-    driver does that does not know which chip is off. twist (6,) [m/s, rad/s] {ee}; radius [m].
-
-    A chip off the object reads zero.
-    """
-    angles = 2.0 * math.pi * np.arange(CHIPS) / CHIPS
-    rows = np.zeros((CHIPS, 2, 3))
-    rows[:, 0, 0] = rows[:, 1, 1] = 1.0
-    rows[:, 0, 2], rows[:, 1, 2] = -radius * np.sin(angles), radius * np.cos(angles)
-    readings = rows @ twist[[0, 1, 5]]
-    readings[:lifted] = 0.0
-    out = twist.copy()
-    out[[0, 1, 5]] = np.linalg.lstsq(rows.reshape(-1, 3), readings.ravel(), rcond=None)[0]
-    return out
-
-
-@kernel(VOID(RNG, OUT2))
-def draw_chances(rng: Generator, out: Array) -> None:
-    """Fill each row with two uniform numbers from [0, 1) and normal ones; (m, 2 + k).
-
-    `rng.random(2)` and `rng.standard_normal(k)` in turn, row by row.
-    """
-    for i in range(out.shape[0]):
-        out[i, 0] = rng.random()
-        out[i, 1] = rng.random()
-        for j in range(2, out.shape[1]):
-            out[i, j] = rng.standard_normal()
-
-
-@kernel(BOOL(IN1, IN1))
-def exceeds(values: Array, bounds: Array) -> bool:
-    """Return whether any value is beyond its bound in size; (n,), (n,), one unit.
-
-    any(|values| > bounds), where NaN is not beyond.
-    """
-    beyond = False
-    for i in range(len(values)):
-        beyond |= abs(values[i]) > bounds[i]
-    return beyond

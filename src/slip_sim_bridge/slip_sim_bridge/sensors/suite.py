@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any, Generic, TypeVar
 
 import numpy as np
@@ -23,7 +23,6 @@ Sample = TypeVar("Sample", WrenchSample, SlipSample, JointSample)
 Measure = Callable[[Sample, np.random.Generator], Sample | None]
 
 _NS_PER_S = 1_000_000_000
-_DRAWN_AHEAD = 256
 _STREAMS = {
     "slip": 0,
     "wrench": 1,
@@ -234,19 +233,14 @@ class WrenchMeasurement:
     def reset(self) -> None:
         """Start the losses' random stream afresh."""
         self._rng = self._make_rng()
-        self._chances: Iterator[float] = iter(())
         self._began_ns: int | None = None
 
     def __call__(self, truth: WrenchSample, rng: np.random.Generator) -> WrenchSample | None:
         """Return the measured sample, or None where it is lost; noise is drawn from `rng`."""
-        params, chance = self._params, next(self._chances, None)
-        if chance is None:  # drawn ahead: the same numbers as one by one
-            self._chances = iter(self._rng.random(_DRAWN_AHEAD).tolist())
-            chance = next(self._chances)
-        noise = rng.standard_normal(6) if self._noisy else None
+        params, noise = self._params, rng.standard_normal(6) if self._noisy else None
         if self._began_ns is None:
             self._began_ns = truth.stamp_ns
-        if params.silent or chance < params.dropout_probability:
+        if params.silent or (params.dropout_probability and self._rng.random() < params.dropout_probability):
             return None
         if noise is None and self._exact:
             return truth

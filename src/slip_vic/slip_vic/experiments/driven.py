@@ -10,6 +10,7 @@ import dataclasses
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -17,7 +18,7 @@ import numpy as np
 from slip_core.arrays import Array, matrix_from_quat_xyzw
 from slip_core.params import build, flatten
 from slip_core.records import Records, new, record, records
-from slip_core.types import COMMANDS, EffortCommand, JointCommand, SlipSample
+from slip_core.types import JointCommand, SlipSample
 from slip_core.vectors import spatial
 from slip_vic.experiments.law import Answer, Effort, Law, Pad, Reference, Seen, Setup, numbers
 from slip_vic.run.in_process import Tick, run_in_process
@@ -204,7 +205,7 @@ class _Arm:
         self._slip, self._slip_time, self._start_ns = np.zeros(6), -math.inf, -1
         self._wrench = np.zeros(6)
         self._period_s = params.control_period_s
-        self._command: Callable[[int, Array], JointCommand] = COMMANDS[params.command.interface]
+        self._command = partial(JointCommand, interface=params.command.interface)
         self.grip = params.grip.nominal_force
         """Squeeze as configured, then as commanded [N]."""
         self.squeeze = scenario.bridges[name].grip.force
@@ -261,7 +262,7 @@ class _Arm:
             wanted, R = numbers("Effort.effort", answer.effort, self.joints), result.arm.rotation
             self._torque.h_ee[:] = np.concatenate((R @ self._wrench[:3], R @ self._wrench[3:]))
         if interface == Interface.EFFORT:
-            return EffortCommand(stamp_ns, self.limited(wanted, tick, k))
+            return JointCommand(stamp_ns, self.limited(wanted, tick, k))
         self._move(wanted, result)
         moved = self._motion.velocity if interface == Interface.VELOCITY else self._motion.position
         return self._command(stamp_ns, np.array(moved[: self.joints]))

@@ -7,7 +7,6 @@ import math
 from typing import ClassVar
 
 from slip_core.params import build, flatten
-from slip_core.types import EffortCommand
 from slip_vic.experiments.law import Answer, Effort, Seen, Setup
 from slip_vic_controller.params.node_params import ControllerNodeParams
 from slip_vic_controller.session.controller import Controller
@@ -56,8 +55,8 @@ class Vic:
         wrenches, slips = tuple(self._wrench_counts), tuple(self._slip_counts)
         self._session.add_manifest(Manifest(next(self._tick), seen.stamp_ns, wrenches, slips))
         answers = tuple(
-            Effort(command.effort, result.grip if follows else None)
-            if result is not None and isinstance(command := result.command, EffortCommand) and len(command.effort)
+            Effort(command.numbers, result.grip if follows else None)
+            if result is not None and (command := result.command).interface == "effort" and len(command.numbers)
             else None
             for result, follows in zip(self._session.cycle(), self._follows, strict=True)
         )

@@ -21,7 +21,7 @@ from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.files.plain_yaml import read_yaml
 from slip_core.params import flat_names
-from slip_core.types import COMMAND_TOPICS
+from slip_core.types import INTERFACES
 
 AXES: Final = ("x", "y", "z", "rx", "ry", "rz")
 OF_TOPICS: Final[Mapping[str, tuple[str, ...]]] = {
@@ -34,6 +34,7 @@ OF_TOPICS: Final[Mapping[str, tuple[str, ...]]] = {
     "law": ("controller/scalars", "position"),
 }
 """Channel: topic, and its field or the fields of which it has the components."""
+COMMAND_TOPICS: Final = tuple(f"{interface}_command" for interface in INTERFACES)
 MEASURED_SLIP: Final = ("slip_velocity", "twist.linear", "twist.angular")
 """Of a bag without the truth."""
 FACTS: Final = ("scenario", "seed", "git_revision")

@@ -10,7 +10,7 @@ import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.incidents import Incident
-from slip_core.types import CartesianReference, DisplacementSample, EffortCommand, JointCommand
+from slip_core.types import CartesianReference, DisplacementSample, JointCommand
 from slip_sim_bridge.session import TickOutputs
 from slip_vic.scenarios.scenario import Scenario
 from slip_vic_controller.session.controller import Controller
@@ -56,7 +56,7 @@ class Tick:
     def efforts(self) -> list[Array]:
         """Effort of each arm that is applied next, or that its velocity or position is made of; (n,) [N m]."""
         pairs = zip(self.commands, self.results, strict=True)
-        return [one.effort if isinstance(one, EffortCommand) else result.effort for one, result in pairs]
+        return [one.numbers if one.interface == "effort" else result.effort for one, result in pairs]
 
     @property
     def effort(self) -> Array:
@@ -65,7 +65,7 @@ class Tick:
 
     @effort.setter
     def effort(self, effort: Array) -> None:
-        self.commands[0] = EffortCommand(self.outputs.stamp_ns, np.asarray(effort, dtype=np.float64))
+        self.commands[0] = JointCommand(self.outputs.stamp_ns, np.asarray(effort, dtype=np.float64))
 
 
 class ClosedLoop:

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 from slip_core.topics import TOPICS
-from slip_core.types import COMMANDS
+from slip_core.types import INTERFACES
 from slip_vic.run.processes import python_module
 from slip_vic.run.versions import versions
 from slip_vic.scenarios.scenario import NODES, Scenario, ros_parameter_file
@@ -36,7 +36,7 @@ def _absent(controller: ControllerNodeParams) -> set[str]:
         absent |= {"controller/goal", "controller/reference_used"}
     if controller.grip.control != "follow":
         absent.add("grip_command")
-    others = COMMANDS.keys() - {controller.command.interface}
+    others = {*INTERFACES} - {controller.command.interface}
     absent |= {f"{kind}_{name}" for kind in others for name in ("command", "controller/commands")}
     if not controller.estimates_joints:
         absent.add("controller/joint_estimate")

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.records import place, records
-from slip_core.types import COMMANDS, JointCommand
+from slip_core.types import JointCommand
 from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.config import make_config
 from slip_vic_controller.contact.config import capacity
@@ -42,7 +43,7 @@ class ArmController:
         self.config = make_config(params, self.robot, lockstep=lockstep, arms=arms)
         self.gains = make_law_gains(params, self.report.used)
         self.contacts = params.contacts.count
-        self.make_command: Callable[[int, Array], JointCommand] = COMMANDS[params.command.interface]
+        self.make_command = partial(JointCommand, interface=params.command.interface)
         self.command_place = slice(_COMMAND.start, _COMMAND.start + len(params.joint_names))
         self.external = params.trajectory.kind in ("topic", "goal")
         self.rows = capacity(params) if params.slip_estimator == "observer" else 0

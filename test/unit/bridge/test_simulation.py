@@ -1,4 +1,4 @@
-"""The drive and the draws of the slip sensor against numpy."""
+"""What drives make of commands, against numpy."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pytest
 
-from slip_sim_bridge.sensors.slip import draw_chances
 from slip_sim_bridge.simulation import CLIPPED, NOT_FINITE, OBEYED, drive
 from slip_vic.scenarios.scenario import load_scenario
 
@@ -33,15 +32,6 @@ def test_the_drive_says_where_an_effort_is_not_finite(bad, joint):
     wanted = np.zeros(3)
     wanted[joint] = bad
     assert drive(wanted, np.zeros(3), math.inf, np.ones(3), np.zeros(3)) == NOT_FINITE
-
-
-def test_chances_drawn_ahead_are_those_of_one_draw_after_the_other():
-    ahead, one_by_one = np.random.default_rng(7), np.random.default_rng(7)
-    block = np.empty((5000, 8))
-    draw_chances(ahead, block)
-    for row in block:
-        assert np.array_equal(row, (*one_by_one.random(2), *one_by_one.standard_normal(6)))
-    assert ahead.random() == one_by_one.random()
 
 
 def test_a_position_leads_a_joint_by_what_its_speed_makes_good_in_a_period() -> None:
