@@ -43,7 +43,7 @@ def efforts(loaded: Scenario, wrench=lambda sample, R: sample, command=lambda lo
         wrenches = tuple(wrench(sample, R) for sample in outputs.arms[0].wrenches)
         result = loop.control(outputs._replace(arms=(outputs.arms[0]._replace(wrenches=wrenches),)))
         answer = command(loop, result)
-        found.append(np.array(answer.effort))
+        found.append(np.array(answer.numbers))
         loop.bridge.advance([answer])
     return np.array(found)
 
