@@ -11,7 +11,7 @@ from pathlib import Path
 
 import click
 
-from slip_core.errors import InputError, SlipVicError
+from slip_core.errors import InputError, SlipVicError, printable
 from slip_msgs_py import events
 from slip_msgs_py.environment import is_of_ros, no_ros
 
@@ -86,7 +86,7 @@ def record(
     if not events.wanted():
         for name, topic in summary["topics"].items():
             lost = "an unknown number" if topic["lost"] is None else topic["lost"]
-            click.echo(f"{name}: {topic['messages']} messages, {lost} lost")
+            click.echo(f"{printable(name)}: {topic['messages']} messages, {lost} lost")
         click.echo(f"{folder}: {summary['messages']} messages, {summary['lost']} lost")
 
 
@@ -103,7 +103,7 @@ def play(*, bag_path: Path, rate: float, loop: bool, topics: tuple[str, ...]) ->
     from slip_msgs_py.stop_flag import StopFlag
 
     def warn(text: str) -> None:
-        click.echo(f"warning: {text}", err=True)
+        click.echo(f"warning: {printable(text)}", err=True)
 
     with Bag(bag_path) as opened, StopFlag() as stop, ros_node("player") as node:
         played = run_player(node, opened, topics, rate=rate, loop=loop, stop=stop, warn=warn)
@@ -121,11 +121,11 @@ def _pairs(option: str, texts: Sequence[str]) -> dict[str, str]:
 
 
 def _read_attachments(texts: Sequence[str]) -> dict[str, bytes]:
-    from slip_bags.mcap_file import open_file
+    from slip_core.files.resources import open_file
 
     contents = {}
     for name, path in _pairs("--attach", texts).items():
-        with open_file(Path(path)) as file:
+        with open_file(Path(path), f"--attach {name}") as file:
             contents[name] = file.read()
     return contents
 

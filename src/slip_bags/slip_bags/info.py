@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import datetime
-import json
 from collections.abc import Iterator
 
 from slip_bags.reader import Bag
+from slip_core.errors import printable
+from slip_core.files.plain_yaml import parse_json
 
 
 def report(bag: Bag) -> Iterator[str]:
@@ -37,12 +38,7 @@ def report(bag: Bag) -> Iterator[str]:
 def recorded_losses(bag: Bag) -> dict[str, int]:
     """Return how many messages of a topic the recorder knows to be lost; topics where it knows it."""
     try:
-        topics = json.loads(bag.custom_data.get("recorder", "{}"))["topics"]
+        topics = parse_json(bag.custom_data.get("recorder", "{}"))["topics"]
         return {name: int(item["lost"]) for name, item in topics.items() if item["lost"] is not None}
     except (ValueError, AttributeError, TypeError, KeyError):
         return {}
-
-
-def printable(text: str) -> str:
-    """Return a text from a file without control characters: each is shown as its escape sequence."""
-    return "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in text)

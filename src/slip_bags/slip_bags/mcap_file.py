@@ -8,7 +8,7 @@ from __future__ import annotations
 import dataclasses
 import struct
 from pathlib import Path
-from typing import IO, Final
+from typing import Final
 
 import lz4.frame
 import zstandard
@@ -18,9 +18,8 @@ from mcap.stream_reader import breakup_chunk
 
 from slip_bags.format import TopicInfo, parse_qos
 from slip_core.errors import InputError
+from slip_core.files.resources import MAX_BYTES
 
-MAX_BYTES: Final = 512 << 20
-"""Bytes of one file that are in memory at once."""
 LATEST_NS: Final = 2**63 - 1
 # What parsing a damaged file raises, here and in the mcap package.
 DAMAGE: Final = (
@@ -31,20 +30,6 @@ DAMAGE: Final = (
 
 class DamagedError(ValueError):
     """A record whose content contradicts itself; the message says how."""
-
-
-def open_file(path: Path) -> IO[bytes]:
-    """Open a regular file for reading; a FIFO would block, and a device need not end.
-
-    Raises:
-        InputError: not readable, or not a regular file.
-    """
-    try:
-        if path.exists() and not path.is_file():
-            raise InputError(f"file {path}", got="no regular file", expected="a readable file")
-        return open(path, "rb")
-    except OSError as error:
-        raise InputError(f"file {path}", got=error, expected="a readable file") from None
 
 
 def mcap_files(path: Path) -> list[Path]:

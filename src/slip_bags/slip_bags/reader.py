@@ -32,15 +32,14 @@ from slip_bags.format import TopicInfo, parse_custom_data
 from slip_bags.mcap_file import (
     DAMAGE,
     LATEST_NS,
-    MAX_BYTES,
     DamagedError,
     chunk_records,
     mcap_files,
-    open_file,
     topic_info,
 )
 from slip_bags.series import Series
 from slip_core.errors import InputError, nearest
+from slip_core.files.resources import MAX_BYTES, open_file
 
 MAX_MESSAGES: Final = 1_000_000
 """Messages that are in memory at once: some 350 MB beside their bytes."""
@@ -86,7 +85,7 @@ class Bag:
         if others:
             fix = f"`slip-vic bag recover {self.path}` joins them"
             raise InputError(f"bag {self.path}", got=f"{1 + len(others)} files", expected="one MCAP file", fix=fix)
-        self._file = open_file(self.file)
+        self._file = open_file(self.file, f"file {self.file}")
         try:
             self.size_bytes = os.fstat(self._file.fileno()).st_size
             self._reader = SeekingReader(self._file, record_size_limit=min(self.size_bytes, MAX_BYTES))

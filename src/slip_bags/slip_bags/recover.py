@@ -9,9 +9,10 @@ from mcap.records import Attachment, Channel, Chunk, McapRecord, Message, Metada
 from mcap.stream_reader import StreamReader
 
 from slip_bags.format import parse_custom_data
-from slip_bags.mcap_file import DAMAGE, LATEST_NS, MAX_BYTES, chunk_records, mcap_files, open_file, topic_info
+from slip_bags.mcap_file import DAMAGE, LATEST_NS, chunk_records, mcap_files, topic_info
 from slip_bags.writer import BagWriter
 from slip_core.errors import InputError
+from slip_core.files.resources import MAX_BYTES, open_file
 
 
 def recover(source: Path, output: Path) -> str:
@@ -63,7 +64,7 @@ def recover(source: Path, output: Path) -> str:
 
 def _records(path: Path, losses: list[str]) -> Iterator[McapRecord]:
     """Yield the records of a file and of its chunks, as far as it can be read."""
-    with open_file(path) as file:
+    with open_file(path, f"file {path}") as file:
         records = StreamReader(file, emit_chunks=True, record_size_limit=MAX_BYTES).records
         while True:
             try:

@@ -12,6 +12,15 @@ class SlipVicError(Exception):
 
     exit_code = 1
 
+    def __str__(self) -> str:
+        """Return the error in one line that can be shown in a terminal, whatever a file's names are."""
+        return printable(" ".join(super().__str__().split()))
+
+
+def printable(text: str) -> str:
+    """Return a text from elsewhere without control characters: each is shown as its escape sequence."""
+    return "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in text)
+
 
 class InputError(SlipVicError):
     """Bad input from the user: what it was, what was got, what is expected and how to fix it.
@@ -28,7 +37,7 @@ class InputError(SlipVicError):
     def __init__(self, what: str, *, got: object, expected: str, fix: str = "") -> None:
         self.what, self.got, self.expected, self.fix = what, got, expected, fix
         line = f"{what}: got {_short(got)}, expected {expected}"
-        super().__init__(" ".join(f"{line}; {fix}".split()) if fix else " ".join(line.split()))
+        super().__init__(f"{line}; {fix}" if fix else line)
 
 
 class UnknownName(InputError):
@@ -55,7 +64,7 @@ class UnknownName(InputError):
         super().__init__(f"{kind} {name}", got="an unknown name", expected=expected, fix=fix)
         place = f"{where}: " if where else ""
         line = f"{place}unknown {kind} '{_short(name)}'; {expected}"
-        self.args = (" ".join(f"{line} {fix}".split()),)
+        self.args = (f"{line} {fix}",)
 
 
 def require_extra(package: str, what: str, extra: str) -> None:

@@ -19,6 +19,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from slip_core.errors import InputError, UnknownName
 from slip_core.files.plain_yaml import read_yaml
+from slip_core.files.resources import read_text
 
 Model = TypeVar("Model", bound="ParameterModel")
 
@@ -261,12 +262,19 @@ def load_yaml(path: Path) -> dict[str, Any]:
     Raises:
         InputError: where the file is missing, not YAML or not a mapping.
     """
+    return parse_mapping(read_text(str(path), f"file {path}"), f"file {path}")
+
+
+def parse_mapping(text: str, origin: str) -> dict[str, Any]:
+    """Return the YAML mapping that a text is.
+
+    Raises:
+        InputError: where it is not YAML or not a mapping.
+    """
     try:
-        content = read_yaml(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"file {path}", got=error, expected="a readable YAML file") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InputError(f"file {path}", got=str(error), expected="valid YAML") from None
+        content = read_yaml(text)
+    except yaml.YAMLError as error:
+        raise InputError(origin, got=str(error), expected="valid YAML") from None
     if not isinstance(content, dict):
-        raise InputError(f"file {path}", got=type(content).__name__, expected="a YAML mapping of names to values")
+        raise InputError(origin, got=type(content).__name__, expected="a YAML mapping of names to values")
     return content

@@ -11,11 +11,11 @@ from click.testing import CliRunner
 from slip_bags.cli import bag as bag_command
 from slip_bags.format import TopicInfo
 from slip_bags.frame import dataframe
-from slip_bags.info import printable, report
+from slip_bags.info import report
 from slip_bags.reader import Bag
 from slip_bags.typedefs import find_definition
 from slip_bags.writer import BagWriter
-from slip_core.errors import InputError
+from slip_core.errors import InputError, SlipVicError
 from test.support.bag_maker import PERIOD_NS, STORE, SUITE_TOPICS, encode, make_bag
 
 WRENCH = {"/w": "geometry_msgs/msg/WrenchStamped"}
@@ -57,7 +57,7 @@ def test_the_command_prints_the_report(tmp_path):
 
 
 def test_control_characters_are_escaped(tmp_path):
-    assert printable("/a\x1b[2J\n\u202e é [red]") == "/a\\x1b[2J\\n\\u202e é [red]"
+    assert str(SlipVicError("/a\x1b[2J\n\u202e é [red]")) == "/a\\x1b[2J \\u202e é [red]"
     name = "/\x1b[2Ja"
     make_bag(tmp_path / "bag", count=1, topics={name: WRENCH["/w"]}, custom_data={"k\x07": "v\x1b"})
     text = "".join(lines(tmp_path / "bag"))

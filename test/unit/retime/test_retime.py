@@ -201,7 +201,7 @@ def test_what_is_no_path_is_refused(tmp_path: Path, text: str, what: str) -> Non
 
 
 def test_a_missing_file_and_joints_beyond_their_ends_are_refused(tmp_path: Path) -> None:
-    assert "no such file" in refused(tmp_path / "none.csv")
+    assert "No such file" in refused(tmp_path / "none.csv")
     loaded = scenario("paper_planar")
     _, controller = governed(loaded, "slow_down")
     names = controller.robot.joint_names

@@ -6,7 +6,7 @@ import os
 import re
 import resource
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -19,16 +19,22 @@ from mcap.records import Chunk, Schema
 
 from slip_bags.format import parse_custom_data, parse_qos
 from slip_bags.mcap_file import DamagedError, chunk_records
+from slip_bags.reader import Bag
 from slip_core import compiled
 from slip_core.compiled import check_private
 from slip_core.errors import InputError, ProtocolError
 from slip_core.files.link_tree import read_links
-from slip_core.files.plain_yaml import DEEPEST, read_yaml
+from slip_core.files.plain_yaml import DEEPEST, parse_json, read_yaml
 from slip_core.files.urdf import DEEPEST as DEEPEST_URDF
 from slip_core.files.urdf import base_of, parse_urdf, placed_urdf
+from slip_core.files.urdf_file import read_urdf
 from slip_core.params import build, load_yaml, parse_assignment
 from slip_sim_bridge.plant.model import arm_spec
+from slip_vic.experiments.rows import read_made_of, read_rows
+from slip_vic.retime.path import read_points
 from slip_vic.run.domain import domain_id
+from slip_vic.scenarios import scenario_text
+from slip_vic.scenarios.parameter_files import config_files, write_files
 from slip_vic.scenarios.scenario import Mismatch, load_scenario
 from slip_vic.setup.arm.write import Arm
 from slip_vic_controller.arm.robot import Robot
@@ -112,6 +118,52 @@ def test_a_scenario_or_parameter_file_with_a_bomb_is_refused_in_one_line(tmp_pat
         with little_memory(), pytest.raises(InputError, match="aliases") as found:
             read(path)
         assert "\n" not in str(found.value)
+
+
+# -- any file ---------------------------------------------------------------------------------------------------------
+
+READERS: dict[str, Callable[[Path], object]] = {
+    "parameters.yaml": load_yaml,
+    "scenario.yaml": lambda path: load_scenario(str(path)),
+    "sensor.yaml": lambda path: load_scenario("paper_planar", sensor=str(path)),
+    "arm.urdf": lambda path: read_urdf(str(path), "URDF"),
+    "arm.urdf.xacro": lambda path: read_urdf(str(path), "URDF"),
+    "path.csv": read_points,
+    "run.mcap": Bag,
+    "rows.csv": read_rows,
+    "rows.json": read_made_of,
+}
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_a_pipe_a_device_and_a_text_without_end_are_no_input_file(tmp_path: Path, name: str) -> None:
+    path = tmp_path / name
+    os.mkfifo(path)
+    with pytest.raises(InputError, match="regular file"):
+        READERS[name](path)
+    path.unlink()
+    path.symlink_to("/dev/zero")
+    with pytest.raises(InputError, match="regular file"):
+        READERS[name](path)
+    path.unlink()
+    with path.open("wb") as file:
+        file.truncate(1 << 40)
+    if path.suffix not in (".mcap", ".xacro") and name != "rows.csv":
+        with pytest.raises(InputError, match=r"bytes|rows of an experiment"):
+            READERS[name](path)
+
+
+def test_json_that_is_nested_deeply_or_has_endless_numbers_is_no_json() -> None:
+    for text in ("[" * 100_000, "9" * 4301):
+        with pytest.raises(ValueError, match=r"JSON|digits"):
+            parse_json(text)
+
+
+def test_parameter_files_of_a_scenario_stay_in_their_folder(tmp_path: Path) -> None:
+    (tmp_path / "mine.yaml").write_text(scenario_text("paper_planar"))
+    for name in (tmp_path / "mine.yaml", Path(os.path.relpath(tmp_path / "mine.yaml"))):
+        write_files(tmp_path / "out", config_files([str(name)]))
+        assert {path.parent for path in tmp_path.rglob("*.yaml")} == {tmp_path, tmp_path / "out" / "mine"}
 
 
 # -- URDF -------------------------------------------------------------------------------------------------------------

@@ -9,6 +9,7 @@ list of aliases costs nothing until it is walked through.
 
 from __future__ import annotations
 
+import json
 import re
 from typing import Any, Final
 
@@ -57,6 +58,18 @@ def read_yaml(text: str) -> Any:
     """
     _check(text)
     return yaml.load(text, Loader=_Loader)
+
+
+def parse_json(text: str) -> Any:
+    """Return what a JSON text of unknown origin says.
+
+    Raises:
+        ValueError: not JSON, nested too deeply, or with an integer of thousands of digits.
+    """
+    try:
+        return json.loads(text)
+    except RecursionError:
+        raise ValueError("JSON that is nested too deeply") from None
 
 
 def _check(text: str) -> None:

@@ -6,13 +6,18 @@ import importlib.util
 import os
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Final
+from typing import IO, Final
 
 from slip_core.errors import InputError
 
 PACKAGES: Final = "SLIP_VIC_PACKAGES"
 """Environment variable with folders of packages, ``NAME=DIR`` separated like paths: option --package sets it, and the
 processes that are started inherit it."""
+
+MAX_BYTES: Final = 512 << 20
+"""Bytes of one file that are in memory at once."""
+MAX_TEXT: Final = MAX_BYTES // 16
+"""Bytes of a text: what a parser makes of it takes several times as much."""
 
 
 def read_text(uri: str, what: str) -> str:
@@ -22,9 +27,27 @@ def read_text(uri: str, what: str) -> str:
         InputError: where the package or the file does not exist or cannot be read.
     """
     try:
-        return find_file(uri).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError, ValueError) as error:
+        with open_file(find_file(uri), what) as file:
+            data = file.read(MAX_TEXT + 1)
+        if len(data) > MAX_TEXT:
+            raise ValueError(f"more than {MAX_TEXT} bytes")
+        return data.decode("utf-8")
+    except (OSError, ValueError) as error:
         raise InputError(what, got=uri, expected="a readable file", fix=str(error)) from None
+
+
+def open_file(path: Path, what: str) -> IO[bytes]:
+    """Open a regular file for reading; a FIFO would block, and a device need not end.
+
+    Raises:
+        InputError: not readable, or not a regular file.
+    """
+    try:
+        if path.exists() and not path.is_file():
+            raise InputError(what, got="no regular file", expected="a readable file")
+        return path.open("rb")
+    except (OSError, ValueError) as error:
+        raise InputError(what, got=str(path), expected="a readable file", fix=str(error)) from None
 
 
 def find_file(uri: str) -> Path:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from slip_core.errors import InputError
-from slip_core.files.resources import find_file, package_folder, read_text
+from slip_core.files.resources import find_file, open_file, package_folder, read_text
 
 SUFFIX: Final = ".xacro"
 
@@ -28,6 +28,7 @@ def read_urdf(uri: str, what: str) -> str:
     Raises:
         InputError: a file or package that is not there, or a xacro file that cannot be expanded.
     """
+    open_file(find_file(uri), what).close()
     return _expanded(find_file(uri), what) if uri.endswith(SUFFIX) else read_text(uri, what)
 
 

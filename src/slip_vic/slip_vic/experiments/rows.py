@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import csv
 import fcntl
+import io
 import json
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -16,6 +17,8 @@ from pathlib import Path
 from typing import Final, NamedTuple, Self
 
 from slip_core.errors import InputError
+from slip_core.files.plain_yaml import parse_json
+from slip_core.files.resources import open_file, read_text
 from slip_vic.experiments.run import METRICS, TIMED, Result
 from slip_vic.experiments.world import World
 from slip_vic.run.versions import digest
@@ -134,7 +137,7 @@ def read_rows(path: Path) -> list[Row]:
     """
     if not path.exists():
         return []
-    with path.open(newline="", encoding="utf-8") as file:
+    with io.TextIOWrapper(open_file(path, f"rows {path}"), "utf-8", newline="") as file:
         reader = csv.DictReader(file)
         if reader.fieldnames is not None and tuple(reader.fieldnames) != COLUMNS:
             raise ValueError(f"{path.name} has other columns")
@@ -163,9 +166,9 @@ def read_json(path: Path) -> tuple[dict[str, str], str]:
         InputError: nothing of this version says so.
     """
     try:
-        found = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
+        found = parse_json(read_text(str(path.with_suffix(".json")), FILE))
         return dict(found["made_of"]), str(found["rows"])
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (InputError, ValueError, KeyError, TypeError) as error:
         raise InputError(
             f"folder {path.parent}", got=f"{type(error).__name__}: {error}", expected="rows of an experiment",
             fix="give another folder",

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from slip_core.errors import UnknownName
+from slip_core.files.resources import read_text
 
 _PACKAGE: Final = importlib.resources.files("slip_vic")
 _SUFFIX: Final = ".yaml"
@@ -49,7 +50,4 @@ def preset_text(kind: str, name_or_path: str) -> str:
     path = find_preset(kind, name_or_path)
     if path is None:
         return (_folder(kind) / f"{name_or_path}{_SUFFIX}").read_text(encoding="utf-8")
-    from slip_core.params import load_yaml
-
-    load_yaml(path)  # for its clear error
-    return path.read_text(encoding="utf-8")
+    return read_text(str(path), f"file {path}")

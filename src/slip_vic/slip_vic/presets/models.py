@@ -6,8 +6,7 @@ from typing import Any, TypeVar
 
 from pydantic import Field
 
-from slip_core.files.plain_yaml import read_yaml
-from slip_core.params import ParameterModel, validate
+from slip_core.params import ParameterModel, parse_mapping, validate
 from slip_sim_bridge.drives.params import DriveParams
 from slip_sim_bridge.sensors.params import JointSensorParams, SlipSensorParams, WrenchSensorParams
 from slip_vic.presets import preset_text
@@ -56,5 +55,5 @@ def load_drive(name_or_path: str) -> DrivePreset:
 
 
 def _load(model: type[Kind], kind: str, name_or_path: str) -> Kind:
-    content = read_yaml(preset_text(f"{kind}s", name_or_path))
-    return validate(model, content, f"{kind} {name_or_path}")
+    origin = f"{kind} {name_or_path}"
+    return validate(model, parse_mapping(preset_text(f"{kind}s", name_or_path), origin), origin)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from slip_bags.provenance import provenance
+from slip_core.files.plain_yaml import parse_json
 from slip_vic.replay.replay import Divergence, replay
 from slip_vic.replay.run_data import RecordedRun
 from slip_vic.run.versions import versions
@@ -66,7 +66,7 @@ def other_software(custom_data: Mapping[str, str]) -> list[str]:
         if key in custom_data and custom_data[key] != here[key]:
             notes.append(f"recorded with {key} {custom_data[key]}, here it is {here[key]}")
     try:
-        recorded = dict(json.loads(custom_data.get("versions", "{}")))
+        recorded = dict(parse_json(custom_data.get("versions", "{}")))
     except (ValueError, TypeError):
         return notes
     current = versions()

@@ -6,6 +6,7 @@ times only the duration of a section and the waits between sections count.
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +18,7 @@ from scipy.spatial.transform import Rotation
 from slip_bags.reader import Bag
 from slip_core.arrays import Array
 from slip_core.errors import InputError
+from slip_core.files.resources import read_text
 from slip_core.vectors import Vec
 from slip_msgs_py.messages.from_msgs import joint_trajectory
 from slip_vic_controller.law.rotation import left_jacobian, left_jacobian_rate
@@ -140,11 +142,9 @@ def deviation(points: Points, motion: Array) -> float:
 
 
 def _from_csv(path: Path) -> Points:
-    if not path.is_file():
-        raise InputError(f"path {path}", got="no such file", expected="a CSV file or a bag")
     try:
-        table = pd.read_csv(path, skipinitialspace=True)
-    except (OSError, ValueError) as error:
+        table = pd.read_csv(io.StringIO(read_text(str(path), f"path {path}")), skipinitialspace=True)
+    except ValueError as error:
         raise InputError(
             f"path {path}", got=type(error).__name__, expected="a CSV file with a header line", fix=str(error)
         ) from None

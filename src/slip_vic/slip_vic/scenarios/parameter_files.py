@@ -35,7 +35,9 @@ def config_files(scenarios: list[str] | None = None) -> dict[str, str]:
         made["controller_vic_realtime"] = load_scenario(name, mode="realtime").controller
         for file, params in {**made, "bridge": load_scenario(name).bridge}.items():
             node = NODES["bridge" if file == "bridge" else "controller"][0]
-            files[f"{name}/{file}.yaml"] = HEAD.format(name) + ros_parameter_file(params, node, complete=False)
+            files[f"{Path(name).stem}/{file}.yaml"] = HEAD.format(name) + ros_parameter_file(
+                params, node, complete=False
+            )
     return files
 
 

@@ -14,7 +14,6 @@ from pydantic import Field
 
 from slip_core.arms import ONE_ARM, params_of_arms, prefix_of
 from slip_core.errors import InputError, UnknownName
-from slip_core.files.plain_yaml import read_yaml
 from slip_core.files.urdf import on_base
 from slip_core.files.urdf_file import read_urdf
 from slip_core.grasp_params import BaseParams, Three
@@ -29,6 +28,7 @@ from slip_core.params import (
     parameter,
     parameter_infos,
     parse_assignment,
+    parse_mapping,
     validate,
 )
 from slip_sim_bridge.params import BridgeParams
@@ -297,7 +297,7 @@ def load_scenario(
         InputError: unknown scenario, unknown parameter (nearest names offered), bad value, unreadable URDF.
     """
     text, origin = scenario_text(name_or_path), f"scenario {name_or_path}"
-    outer = validate(ScenarioFile, read_yaml(text), origin)
+    outer = validate(ScenarioFile, parse_mapping(text, origin), origin)
     values = {name: _values(outer, name) for name in outer.arms or (ONE_ARM,)}
     mismatch = dict(outer.mismatch.model_dump())
     for own in values.values():
