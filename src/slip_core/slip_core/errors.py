@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import copyreg
 import difflib
 import importlib.util
 from collections.abc import Iterable
+from typing import Any
 
 
 class SlipVicError(Exception):
@@ -15,6 +17,10 @@ class SlipVicError(Exception):
     def __str__(self) -> str:
         """Return the error in one line that can be shown in a terminal, whatever a file's names are."""
         return printable(" ".join(super().__str__().split()))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Come back from a worker process as what it is, without its arguments."""
+        return copyreg.__newobj__, (type(self), *self.args), self.__dict__  # type: ignore[attr-defined]
 
 
 def printable(text: str) -> str:

@@ -27,8 +27,7 @@ def run(*, prefix: str, laws: str, jobs: int, part: slice, out: Path) -> None:
     """Run the frozen worlds under laws of the controller."""
     from slip_core.errors import UnknownName
     from slip_vic.experiments.run import OWN_LAWS
-    from slip_vic.experiments.runner import fill
-    from slip_vic.experiments.study import tasks_of
+    from slip_vic.experiments.runner import fill, tasks_of
     from test.campaigns.frozen.worlds import worlds_of
 
     for law in names(laws):

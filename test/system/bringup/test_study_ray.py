@@ -23,8 +23,7 @@ from slip_vic.experiments import suite
 from slip_vic.experiments.engines import Died, EngineName
 from slip_vic.experiments.engines.cluster import RayEngine
 from slip_vic.experiments.rows import FILE, digest_of
-from slip_vic.experiments.runner import fill
-from slip_vic.experiments.study import tasks_of
+from slip_vic.experiments.runner import fill, tasks_of
 from test.support.ray_cluster import busy_workers, kill_node, ray_cluster
 
 SUPPORT = Path(__file__).parents[2] / "support"

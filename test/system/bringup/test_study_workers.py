@@ -25,7 +25,7 @@ from slip_vic.experiments import runner, suite
 from slip_vic.experiments.engines import Died
 from slip_vic.experiments.engines.pool import PoolEngine
 from slip_vic.experiments.rows import FILE
-from slip_vic.experiments.study import tasks_of
+from slip_vic.experiments.runner import tasks_of
 
 SUPPORT = Path(__file__).parents[2] / "support"
 LAWS = ("classical", "vic?slip_estimator=measured", "vic")

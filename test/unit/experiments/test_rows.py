@@ -48,7 +48,7 @@ def test_a_file_keeps_to_what_it_is_made_of(tmp_path: Path) -> None:
     path = tmp_path / FILE
     with RowFile(path, MADE_OF):
         pass
-    with pytest.raises(InputError, match=r"rows made with numpy 2\.0, expected numpy 2\.1"):
+    with pytest.raises(InputError, match=r"got numpy 2\.0, expected 2\.1; give another folder"):
         RowFile(path, {"numpy": "2.1"})
     with RowFile(path, {"sensor ideal": "d3"}) as file:
         assert file.made_of == {"numpy": "2.0", "sensor ideal": "d3"}
@@ -93,7 +93,7 @@ def test_what_does_not_fit_is_not_joined(tmp_path: Path) -> None:
     other, newer = filled(tmp_path / "b", range(1), 2.0), filled(tmp_path / "c", range(1), made={"numpy": "2.1"})
     with pytest.raises(InputError, match="another result of study 0 vic paper_planar"):
         joined([one, other])
-    with pytest.raises(InputError, match=r"c: got rows made with numpy 2\.1, expected numpy 2\.0"):
+    with pytest.raises(InputError, match=r"c: got numpy 2\.1, expected 2\.0"):
         joined([one, newer])
     assert len(joined([one, newer], versions=["numpy"])[0]) == 1
     with pytest.raises(InputError, match="nothing"):

@@ -105,7 +105,7 @@ def study(
     is one.
     """
     from slip_vic.experiments.draw import drawn_worlds
-    from slip_vic.experiments.study import bad_ones, run_study, tasks_of
+    from slip_vic.experiments.runner import bad_ones, run_study, tasks_of
     from slip_vic.experiments.world import combined
     from slip_vic.presets import preset_names
     from slip_vic.scenarios import scenario_names
@@ -149,7 +149,7 @@ def _report(done: Done, out: Path) -> None:
 @out_option(None, "folder", required=True)
 def merge(folders: tuple[Path, ...], out: Path) -> None:
     """Put rows that were made in parts (--shard) into one folder; parts that do not fit are refused."""
-    from slip_vic.experiments.study import merge as put_together
+    from slip_vic.experiments.runner import merge as put_together
 
     click.echo(f"{put_together(folders, out)} rows; {out}")
 
@@ -245,7 +245,7 @@ def run(
     """Run LAW (a name, module:Class or file.py:Class); a folder that has worlds already continues."""
     from slip_vic.experiments import suite
     from slip_vic.experiments.law import find_law
-    from slip_vic.experiments.study import run_study, tasks_of
+    from slip_vic.experiments.runner import run_study, tasks_of
 
     found = find_law(law)
     folder = out or Path("out") / "benchmark" / found.label
@@ -259,7 +259,7 @@ def run(
 @out_option("out/benchmark", "folder of the picture")
 def compare(folders: tuple[Path, ...], out: Path) -> None:
     """Compare results in the worlds that all of them have: table, rows.png."""
-    from slip_vic.experiments.study import show
+    from slip_vic.experiments.runner import show
     from slip_vic.experiments.suite import compared
 
     rows = compared(folders)

@@ -70,8 +70,8 @@ class RowFile:
             try:
                 path.parent.mkdir(parents=True, exist_ok=True)
                 undo.enter_context(locked(path.with_suffix(".lock")))
-                before = read_made_of(path) if path.with_suffix(".json").exists() else {}
-                refuse_difference(before, made_of, f"--out {path.parent}")
+                before = read_json(path)[0] if path.with_suffix(".json").exists() else {}
+                refuse_difference(before, made_of, f"rows in {path.parent}", "give another folder")
                 self.made_of = {**before, **made_of}
                 rows = [row for row in read_rows(path) if row["outcome"] != "crashed"]
                 write_rows(path, rows, self.made_of)
@@ -175,22 +175,11 @@ def read_json(path: Path) -> tuple[dict[str, str], str]:
         ) from None  # fmt: skip
 
 
-def read_made_of(path: Path) -> dict[str, str]:
-    """Return what the rows of a file are made of; see `read_json`."""
-    return read_json(path)[0]
-
-
-def refuse_difference(one: Mapping[str, str], other: Mapping[str, str], where: str) -> None:
+def refuse_difference(one: Mapping[str, str], other: Mapping[str, str], where: str, fix: str) -> None:
     """Raise where a name that both have stands for different things."""
-    for name in difference(one, other):
-        raise InputError(
-            where, got=f"rows made with {name} {one[name]}", expected=f"{name} {other[name]}", fix="give another folder"
-        )
-
-
-def difference(one: Mapping[str, str], other: Mapping[str, str]) -> list[str]:
-    """Return the names that both have with different values."""
-    return [name for name in one if name in other and one[name] != other[name]]
+    for name in one:
+        if other.get(name, one[name]) != one[name]:
+            raise InputError(where, got=f"{name} {one[name]}", expected=f"{other[name]}", fix=fix)
 
 
 def joined(folders: Sequence[Path], versions: Iterable[str] = ()) -> tuple[list[Row], dict[str, str]]:
@@ -204,8 +193,8 @@ def joined(folders: Sequence[Path], versions: Iterable[str] = ()) -> tuple[list[
     made_of: dict[str, str] = {}
     rows: dict[Key, Row] = {}
     for folder in folders:
-        own = {name: value for name, value in read_made_of(folder / FILE).items() if name not in set(versions)}
-        refuse_difference(own, made_of, f"folder {folder}")
+        own = {name: value for name, value in read_json(folder / FILE)[0].items() if name not in set(versions)}
+        refuse_difference(own, made_of, f"rows in {folder}", "make all with the same")
         made_of |= own
         for row in read_rows(folder / FILE):
             there = rows.setdefault(key_of(row), row)

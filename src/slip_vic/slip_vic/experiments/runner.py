@@ -1,31 +1,25 @@
-"""Makes runs on an engine: a worker that dies costs time, a run that kills its workers is a row."""
+"""Makes runs on an engine into a folder, and shows its rows; a run that kills its workers is a row."""
 
 from __future__ import annotations
 
 import functools
 import platform
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 from rich.console import Console
 
-from slip_core.errors import SlipVicError
-from slip_vic.experiments.engines import Died, Engine, EngineName, open_engine
+from slip_vic.experiments.engines import Died, EngineName, open_engine
 from slip_vic.experiments.law import find_law
-from slip_vic.experiments.rows import Row, RowFile, Task, difference, key_of
+from slip_vic.experiments.rows import FILE, Row, RowFile, Task, joined, key_of, refuse_difference
 from slip_vic.experiments.run import Result, failed, own_law, run
+from slip_vic.experiments.world import World
 from slip_vic.presets import preset_text
 from slip_vic.run.prepare import prepare
 from slip_vic.run.progress import progress
 from slip_vic.run.versions import digest, versions
 from slip_vic.scenarios.scenario import load_scenario
-
-
-class MixedVersions(SlipVicError):
-    """A worker that does not run what the experiment runs."""
-
-    exit_code = 2
 
 
 class Done(NamedTuple):
@@ -68,30 +62,11 @@ def run_on_worker(wanted: Mapping[str, str], task: Task) -> Result:
     """Make one run in this process.
 
     Raises:
-        MixedVersions: this worker has other versions or files than the process that sent the task.
+        InputError: this worker has other versions or files than the process that sent the task.
     """
-    check_versions(wanted, made_of([task]))
+    refuse_difference(made_of([task]), wanted, f"worker on {platform.node()}", "install there what runs here")
     prepare()
     return run(task.world, task.law)
-
-
-def check_versions(wanted: Mapping[str, str], here: Mapping[str, str]) -> None:
-    """Compare what runs here with what an experiment runs.
-
-    Raises:
-        MixedVersions: names what differs.
-    """
-    for name in difference(wanted, here):
-        raise MixedVersions(
-            f"worker on {platform.node()}: got {name} {here[name]}, expected {wanted[name]}, as where the experiment "
-            "was started; install the same there"
-        )
-
-
-def results(engine: Engine, wanted: Mapping[str, str], tasks: Sequence[Task]) -> Iterator[Result]:
-    """Make runs and yield their results as they come; one that kills its workers is crashed."""
-    for task, result in engine.run(run_on_worker, wanted, tasks):
-        yield failed(*task, "crashed", result.reason) if isinstance(result, Died) else result
 
 
 def fill(
@@ -107,8 +82,7 @@ def fill(
         more: what rows depend on beside versions and files, by name.
 
     Raises:
-        InputError: see `made_of` and `RowFile`; no cluster.
-        MixedVersions: a worker has other versions or files.
+        InputError: see `made_of` and `RowFile`; no cluster; a worker has other versions or files.
     """
     wanted = {**made_of(tasks), **(more or {})}
     with RowFile(path, wanted) as file:
@@ -119,10 +93,57 @@ def fill(
             if left:
                 prepare()  # here, before workers that start together all begin to
                 with open_engine(engine, jobs) as workers:
-                    for now, result in enumerate(results(workers, wanted, left), there + 1):
-                        file.append(result)
+                    for now, (task, result) in enumerate(workers.run(run_on_worker, wanted, left), there + 1):
+                        file.append(failed(*task, "crashed", result.reason) if isinstance(result, Died) else result)
                         died = [f"a worker died and its run was tried again: {task.name}, {reason}"
                                 for task, reason in workers.deaths]  # fmt: skip
                         report(now, f"{len(died)} workers died" if died else "")
     keys = {task.key for task in tasks}
     return Done([row for row in file.rows() if key_of(row) in keys], there, died)
+
+
+def tasks_of(worlds: Sequence[World], laws: Sequence[str]) -> list[Task]:
+    """Return the runs, each once; all laws of a world one after the other."""
+    return list(dict.fromkeys(Task(world, law) for world in worlds for law in laws))
+
+
+def run_study(
+    tasks: Sequence[Task], out: Path, engine: EngineName, jobs: int, more: Mapping[str, str] | None = None
+) -> Done:
+    """Make the runs that a folder does not have yet, and show all that were asked for; see `fill`."""
+    done = fill(out / FILE, out.name, tasks, engine, jobs, more)
+    show(done.rows, out)
+    return done
+
+
+def merge(folders: Sequence[Path], out: Path) -> int:
+    """Put the rows of several folders into one, and show them; return how many there are.
+
+    Raises:
+        InputError: they do not fit together, see `joined`.
+    """
+    rows, made_of = joined([*folders, *([out] if (out / FILE).exists() else [])])
+    with RowFile(out / FILE, made_of) as file:
+        file.put(rows)
+    show(rows, out)
+    return len(rows)
+
+
+def show(rows: Sequence[Row], out: Path) -> None:
+    """Print the tables of some rows, and write their picture, ``rows.png``."""
+    from slip_vic.experiments.tables import tables_of, write_picture  # workers need no matplotlib
+
+    if not rows:
+        return
+    write_picture((out / FILE).with_suffix(".png"), rows)
+    Console().print(*tables_of(rows), sep="\n")
+
+
+def bad_ones(rows: Sequence[Row]) -> list[str]:
+    """Return a line on every run that did not end well."""
+    names = ("set", "world", "law", "scenario", "sensor", "drive", "motion", "mismatch")
+    return [
+        f"{' '.join(row[name] for name in names if row[name])}: {row['outcome']}, {row['reason']}"
+        for row in rows
+        if row["outcome"] != "ok"
+    ]
