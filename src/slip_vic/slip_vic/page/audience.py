@@ -6,6 +6,7 @@ import contextlib
 import http
 import json
 import queue
+import re
 import socket
 import threading
 from typing import Any, Final
@@ -15,11 +16,13 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 from websockets.sync.server import Server, ServerConnection, serve
 
-from slip_core.errors import InputError
+from slip_core.errors import InputError, SlipVicError
 from slip_vic.page.page import assemble
 
 QUEUED: Final = 50
 """Frames that may wait for a slow browser; then it gets the next newest ones."""
+CLIENTS: Final = 32
+"""Connections at a time; further ones are closed at once."""
 MODEL: Final = "model"
 """Tells a browser that the next message is a model, not a frame."""
 
@@ -37,19 +40,30 @@ class Audience:
         self._queues: dict[queue.Queue[bytes | str], ServerConnection] = {}
         self._lock = threading.Lock()
         self._over = False
+        names = "|".join(map(re.escape, ("localhost", host, socket.gethostname())))
+        self._hosts = re.compile(rf"(?i:{names}|[\d.]+|\[[\da-f:]+\])(:\d+)?")
         try:
-            self._server: Server = serve(self._attend, host, port, process_request=self._answer, compression=None)
+            self._server: Server = serve(
+                self._attend, host, port, process_request=self._answer, compression=None,
+                create_connection=self._connect,  # type: ignore[arg-type]
+            )  # fmt: skip
         except OSError as error:
             raise InputError(
                 f"address {host}:{port}", got=error, expected="a free port", fix="choose another --port"
             ) from None
         self.port = int(self._server.socket.getsockname()[1])
-        threading.Thread(target=self._server.serve_forever, name="watch-server", daemon=True).start()
+        self._thread = threading.Thread(target=self._server.serve_forever, name="watch-server", daemon=True)
+        self._thread.start()
 
     @property
     def present(self) -> bool:
         """Whether a browser is connected."""
         return bool(self._queues)
+
+    def check(self) -> None:
+        """Raise SlipVicError where the page is served no more."""
+        if not self._thread.is_alive():
+            raise SlipVicError("watch: the server of the page has ended, for instance without a free file descriptor")
 
     def begin(self, model: bytes) -> None:
         """Take another model and send it."""
@@ -90,10 +104,23 @@ class Audience:
                     connection.socket.shutdown(socket.SHUT_RDWR)
         self._server.shutdown()
 
+    def _connect(self, *arguments: Any, **options: Any) -> ServerConnection:
+        if len(self._server.handler_threads) > CLIENTS:
+            raise ConnectionRefusedError
+        return ServerConnection(*arguments, **options)
+
+    def _is_own(self, headers: Headers) -> bool:
+        """Whether the page asks that is served here, not one of another origin or under another name."""
+        hosts, origins = headers.get_all("Host"), headers.get_all("Origin")
+        return len(hosts) == 1 and bool(self._hosts.fullmatch(hosts[0])) and set(origins) <= {f"http://{hosts[0]}"}
+
     def _answer(self, _: ServerConnection, request: Request) -> Response | None:
-        if request.path == "/live":
+        if not self._is_own(request.headers):
+            status, text = http.HTTPStatus.FORBIDDEN, b""
+        elif request.path == "/live":
             return None
-        status, text = (http.HTTPStatus.OK, self._page) if request.path == "/" else (http.HTTPStatus.NOT_FOUND, b"")
+        else:
+            status, text = (http.HTTPStatus.OK, self._page) if request.path == "/" else (http.HTTPStatus.NOT_FOUND, b"")
         kind = {"Content-Type": "text/html; charset=utf-8", "Content-Length": str(len(text)), "Connection": "close"}
         return Response(status.value, status.phrase, Headers(kind), text)
 
