@@ -13,10 +13,10 @@ from slip_vic_controller.arm.command import (
     COMMAND_CONFIG,
     IGNORED_S,
     MOTION_COMMAND,
-    UNNOTICED,
     Interface,
     ignored_joint,
 )
+from slip_vic_controller.arm.plausibility import MOVES
 from slip_vic_controller.safety.modes import Mode
 from test.support.call import call
 from test.support.watched_loop import WatchedLoop
@@ -75,7 +75,7 @@ def command(**values: Any) -> tuple[Any, Any]:
 def test_ignored_joint() -> None:
     for commanded, share, ignored in (
         (0.2, 0.0, True), (0.2, 0.45, True), (0.2, 0.55, False), (-0.2, 0.0, True), (0.2, 1.55, True),
-        (0.9 * UNNOTICED, 0.0, False), (1.1 * UNNOTICED, 0.0, True),
+        (0.9 * MOVES, 0.0, False), (1.1 * MOVES, 0.0, True),
     ):  # fmt: skip
         config, state = command(velocity=(0.0, commanded, 0.0))
         seen = [call(ignored_joint, config, state, np.array([0.0, share * commanded, 0.0]), T) for _ in range(250)]

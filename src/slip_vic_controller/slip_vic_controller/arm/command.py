@@ -17,6 +17,7 @@ from slip_core.arrays import Array
 from slip_core.cholesky import LARGEST, back_substitute, cholesky, forward_substitute
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Whole, WholeArray, dtype_of
+from slip_vic_controller.arm.plausibility import MOVES
 from slip_vic_controller.sizes import MAX_JOINTS
 
 LEAD: Final = 0.5
@@ -26,8 +27,6 @@ STOP_SHARE: Final = 0.5
 """Share of the acceleration limit with which a command brakes ahead of the end of a joint's range."""
 BEFORE_END: Final = 1e-3
 """How far before that end it comes to rest: periods and jerk make the brake late by less [rad]."""
-UNNOTICED: Final = 0.02
-"""Commanded velocity that friction or noise may hide [rad/s]."""
 IGNORED_S: Final = 0.3
 """Time for which a joint may move at less than half of what is commanded [s]: longer than any command gets lost."""
 AT_REST: Final = 5e-3
@@ -195,7 +194,7 @@ def ignored_joint(config: CommandConfig, state: MotionCommand, qd: Array, dt: fl
     for j in range(config.joints):
         state.expected[j] += follow * (state.velocity[j] - state.expected[j])
         expected = state.expected[j]
-        ignored = abs(expected) > UNNOTICED and abs(qd[j] - expected) > 0.5 * abs(expected)
+        ignored = abs(expected) > MOVES and abs(qd[j] - expected) > 0.5 * abs(expected)
         state.ignored_s[j] = state.ignored_s[j] + dt if ignored else 0.0
         if state.ignored_s[j] > IGNORED_S:
             found = j

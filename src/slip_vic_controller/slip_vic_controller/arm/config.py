@@ -224,8 +224,8 @@ def estimator_config(params: ControllerParams, effort_limit: Array) -> Array:
     config.gain[: len(Trust)], H = gains_by_trust(both, noise), both.H
     quick = noise._replace(drift=max(QUICK_DRIFT, model.drift))
     config.gain[QUICK] = steady_state(quick, config.bandwidth, period, ticks).gain
-    config.quick_ticks = max(1, round(QUICK_S / config.sensor_period))
     S = product(H, both.predicted, H.T) + np.diag([noise.position**2, noise.velocity**2])
+    config.quick_ticks = max(1, round(QUICK_S / config.sensor_period))
     config.scale[:], config.weight = 1.0 / np.sqrt(np.diag(S)), 1.0 - math.exp(-config.sensor_period / MEAN_S)
     config.gate = SIGNIFICANT * SIGNIFICANT * config.weight / (2.0 - config.weight)
     ahead = predicted_covariance(both, noise, config.bandwidth, period, config.late_ticks)
@@ -237,10 +237,7 @@ def estimator_config(params: ControllerParams, effort_limit: Array) -> Array:
     config.unmoved = max(UNMOVED, 2.0 * sensor.quantum_position)
     late_s = sensor.latency_s + params.drive_lag_s + sensor.filter_s if params.contacts.count > 1 else 0.0
     config.settling = SETTLES_AFTER * max(period, late_s)
-    # What a drive with a loop of its own does not follow is no torque: nothing is taken off, and collisions are the
-    # drive's to find then.
-    config.bound[:n] = (model.limit if by_effort else math.inf) * effort_limit
-    config.rate[:n] = (RATE if by_effort else 0.0) * effort_limit
-    config.collision[:n] = (COLLISION if by_effort else math.inf) * effort_limit
+    config.bound[:n], config.rate[:n] = model.limit * effort_limit, RATE * effort_limit
+    config.collision[:n] = COLLISION * effort_limit
     config.friction[:n] = params.drive.of_joints("coulomb", n)
     return buffer

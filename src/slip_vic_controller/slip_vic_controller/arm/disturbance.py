@@ -10,14 +10,13 @@ from slip_core.compiled import part
 from slip_vic_controller.arm.joint_estimate import EstimatorConfig, Finding, JointEstimate, Trust, find
 from slip_vic_controller.arm.plausibility import MOVES, contradiction, is_unmeasured
 
-DOUBTFUL: Final = 0.3
-"""Share of the difference between position and velocity from which a jump may be a wrong measurement."""
 SLOW_S: Final = 0.2
 """Time constant of the disturbance that is no collision [s]."""
 WITH_WRENCH: Final = 0.5
 """Share of a jump of the disturbance from which the wrench that has jumped too explains it, ..."""
 NOTICED: Final = 0.3
-"""... where that is this share of what is a collision: an object that is accelerated jumps less."""
+"""... where that is this share of what is a collision: an object that is accelerated jumps less. And share of the
+parity that contradicts from which a jump may be a wrong measurement."""
 COLLISION_S, DISTURBED_S = 0.01, 0.3
 """Time that a jump must last to be a collision, and that a disturbance may stay beyond its bound [s]."""
 DISTURBED: Final = 0.02
@@ -64,7 +63,7 @@ def oppose_disturbance(
     unmeasured = bool(state.unmeasured.max() >= config.sensor_ticks)
     doubtful = unmeasured or not judged
     for j in range(n):
-        differs = contradiction(config, state, j) > DOUBTFUL * config.difference
+        differs = contradiction(config, state, j) > NOTICED * config.difference
         doubtful = doubtful or state.trust[j] != Trust.BOTH or differs
     for j in range(n):
         effort = disturbance(config, state, M, j)

@@ -29,7 +29,6 @@ import numpy as np
 from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_vic_controller.arm.joint_estimate import (
-    LONGEST_S,
     LONGEST_STEP,
     QUICK,
     RING,
@@ -270,7 +269,7 @@ def use_estimate(config: EstimatorConfig, state: JointEstimate, sample: JointSam
 def goes_on(config: EstimatorConfig, state: JointEstimate, stamp_ns: int) -> bool:
     """Return whether a sample follows the one before closely enough to go on with the estimate."""
     dt = (stamp_ns - state.stamp_ns) * 1e-9
-    return bool(state.started != 0 and 0.0 < dt <= min(LONGEST_STEP * config.period, LONGEST_S))
+    return bool(state.started != 0 and 0.0 < dt <= LONGEST_STEP * config.period)
 
 
 @part

@@ -13,8 +13,7 @@ from slip_vic_controller.sizes import MAX_JOINTS, Joints, WholeJoints
 MAX_LATENCY: Final = 32
 """Control periods by which the joint sensor may be late."""
 LONGEST_STEP: Final = 20
-LONGEST_S: Final = 0.05
-"""Control periods, and time [s], after which a sample begins the estimate again: what the arm did is not known."""
+"""Control periods after which a sample begins the estimate again: what the arm did is not known."""
 RING: Final = MAX_LATENCY + LONGEST_STEP + 1
 """Inputs that are kept: of so many control periods."""
 
@@ -31,7 +30,8 @@ class Trust(IntEnum):
 
 BothWays = Annotated[Array, (2, MAX_JOINTS)]
 QUICK: Final = len(Trust)
-"""Row of the gains for both measurements while the disturbance changes fast, after those by Trust."""
+"""Row of the gains for both measurements while innovations show that the disturbance changes fast, after those by
+Trust."""
 
 
 @unique

@@ -12,7 +12,7 @@ from typing import Final
 
 from slip_core.arrays import Array
 from slip_core.compiled import part
-from slip_vic_controller.arm.joint_estimate import LONGEST_S, EstimatorConfig, JointEstimate, Trust, find
+from slip_vic_controller.arm.joint_estimate import LONGEST_STEP, EstimatorConfig, JointEstimate, Trust, find
 
 BLIND_S: Final = 0.5
 """Time for which the model tells where a joint is that is not measured [s]: enough to come to rest, not to hold it."""
@@ -32,7 +32,7 @@ REVERSALS, DEAD = 20, 10
 """Reversals of the velocity from one sample to the next, without repetitions, which show that an encoder has noise:
 motion alone does not make them. And repetitions in a row that it has not then: it has died."""
 MOVES: Final = 0.02
-"""Speed from which the sign of a joint's friction is known [rad/s]."""
+"""Speed from which neither friction nor noise hides that a joint moves [rad/s]."""
 
 
 @part
@@ -43,7 +43,7 @@ def count_unmeasured(
     """Count for how long every joint has read the same (n,) [rad], [rad/s] though it moves, or never did before.
 
     All of them where all read the same and one moves, or nothing was measured. What a joint did for longer than
-    LONGEST_S is not known: then it begins again at what it reads. periods: since the sample before, of control;
+    LONGEST_STEP is not known: then it begins again at what it reads. periods: since the sample before, of control;
     all_repeat: whether all joints read the same; the others: see `estimate_joints`.
     """
     dt, renewed_s = (stamp_ns - state.stamp_ns) * 1e-9, (stamp_ns - state.renewed_ns) * 1e-9
@@ -56,7 +56,7 @@ def count_unmeasured(
         if (all_repeat and moves) or (dead and joint_repeats(state, j, q, qd)):
             state.unmeasured[j] += periods
             continue
-        if unknown or state.unmeasured[j] * config.period > LONGEST_S:
+        if unknown or state.unmeasured[j] > LONGEST_STEP:
             state.q[j], state.v[j] = q[j] - dt * qd[j], qd[j]
         if unknown:  # how it got there is no contradiction
             state.trust[j], state.parity[:, j], state.measured_position[j] = Trust.BOTH.value, 0.0, q[j]

@@ -62,7 +62,7 @@ def finish(
             moves_s = min(moves_s, 1e-9 * config.motion.drive.period_ns)
     torque, clipped = np.empty(MAX_JOINTS), np.zeros(MAX_JOINTS, np.int64)
     torque[:n] = outputs.wanted[:n]
-    if config.estimator.on != 0:
+    if config.estimator.on != 0 and by_effort:  # what a drive with a loop of its own does not follow is no torque
         _oppose_disturbance(config, state, inputs, torque)
     avoid_limits(config.motion, n, q, qd, inputs.arm, law_at_work, torque)
     finite = limit_effort(config.motion.drive, state.limiter, n, torque, now_ns, clipped, outputs.limited)

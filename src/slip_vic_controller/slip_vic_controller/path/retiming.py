@@ -6,6 +6,7 @@ samples the path: attitude, twist and acceleration over its own time.
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 from slip_core.arrays import Array
@@ -20,7 +21,6 @@ from slip_vic_controller.governor.step import Pad
 
 STILL: Final = 1e-12
 """ds/dt below which the path as given rests [m/s]."""
-UNLIMITED: Final = 1e9
 
 
 class HeldObject(Record):
@@ -98,7 +98,7 @@ def step_timing(
     state, R = m.governor, mat(rotation)
     point = along(c, state.duration, state.time, R, spatial(twist), spatial(acceleration))
     pad = Pad(ZERO, R, state.rate * point.tangent, NOTHING)
-    governor.run(c, state, m.grid, held_object(record(held, HELD_OBJECT)), point, pad, UNLIMITED, dt)
+    governor.run(c, state, m.grid, held_object(record(held, HELD_OBJECT)), point, pad, math.inf, dt)
     o.time = state.out_time
     o.arrived = 1.0 if state.arrived == 1 and state.out_rate == 0.0 else 0.0
 

@@ -14,6 +14,7 @@ from typing import Annotated, Final
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Records, Whole, dtype_of
 from slip_core.vectors import NOTHING, Mat, Spatial, Vec
+from slip_vic_controller.governor.governor import REPLAN
 from slip_vic_controller.governor.layouts import Governor
 from slip_vic_controller.governor.load import Held
 from slip_vic_controller.governor.plan import Along, GridPoint, left_for_motion, most, take_point
@@ -31,8 +32,6 @@ STREAM_POINTS: Final = 64
 QUEUED: Final = 16
 LAX_S: Final = 1.0
 """Length of path assumed after the last sample: only the load of that sample limits its speed."""
-REPLAN: Final = 1.002
-"""Relative change of the usable load that triggers a new backward pass."""
 
 
 class StreamConfig(Record):
@@ -138,7 +137,7 @@ def plan_stream(
 ) -> None:
     """Find how fast each point may be passed; F, reserve: as in `backward_pass`. Other arguments as in `take_point`."""
     n = stream.count
-    again = stream.load > REPLAN * F or REPLAN * stream.load < F
+    again = abs(F - stream.load) > REPLAN * stream.load
     first = stream.fresh
     for i in range(first, n):
         sample = read_reference(stream.samples[i])

@@ -15,8 +15,6 @@ from slip_vic_controller.safety.validation import SlipQueue
 DRIFT = 5e-4  # by which two clocks may run apart; more is not taken back
 STEADY_NS = 5_000_000  # below which a growing time from stamp to answer may be clocks that drift
 DECAY_S = 0.5  # in which a delay that is over is forgotten
-FORGET = 0.01
-"""Share of a past worst case that each new sample forgets: a hundred good samples make up for a bad one."""
 _SLACK = 0.1
 """Part of a cycle by which stamps may be late without counting as one more cycle."""
 
@@ -79,11 +77,13 @@ def measure_slip_latency(state: SlipLatency, now_ns: int, queue: SlipQueue) -> N
         stamp_ns = queue.samples[i].stamp_ns
         if state.known != 0 and stamp_ns == state.newest_ns:
             continue  # the same one again
+        passed_ns = stamp_ns - state.newest_ns if state.known != 0 else 0
+        forgets = min(max(passed_ns, 0) * 1e-9 / DECAY_S, 1.0)
         change = now_ns - stamp_ns - state.latency_ns
-        state.latency_ns += change if change > 0.0 else FORGET * change
-        if state.known != 0 and stamp_ns > state.newest_ns:
-            change = stamp_ns - state.newest_ns - state.period_ns
-            state.period_ns += change if change > 0.0 else FORGET * change
+        state.latency_ns += change if change > 0.0 else forgets * change
+        if passed_ns > 0:
+            change = passed_ns - state.period_ns
+            state.period_ns += change if change > 0.0 else forgets * change
         if state.known == 0 or stamp_ns > state.newest_ns:
             state.newest_ns = stamp_ns
         state.known = 1
