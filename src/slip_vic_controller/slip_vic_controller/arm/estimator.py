@@ -203,7 +203,7 @@ def estimate_joints(
         else:
             state.mean_q[j] += config.weight * (config.scale[0] * of_q - state.mean_q[j])
             state.mean_v[j] += config.weight * (config.scale[1] * of_v - state.mean_v[j])
-            if state.mean_q[j] * state.mean_q[j] + state.mean_v[j] * state.mean_v[j] > config.gate:
+            if max(state.mean_q[j] * state.mean_q[j], state.mean_v[j] * state.mean_v[j]) > config.gate:
                 state.quick[j] = config.quick_ticks
             elif state.quick[j] > 0:
                 state.quick[j] -= 1
