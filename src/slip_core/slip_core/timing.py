@@ -6,6 +6,8 @@ the mean rate and deviation of the rate in Hz, mean and deviation of the executi
 
 from __future__ import annotations
 
+from collections import deque
+
 import numpy as np
 
 from slip_core.arrays import Array
@@ -24,19 +26,16 @@ class Window:
     """The last `size` values of one quantity."""
 
     def __init__(self, size: int) -> None:
-        self._ring = np.full(size, np.nan)
-        self._next = 0
-        self.count = 0
+        self._values: deque[float] = deque(maxlen=size)
 
     def add(self, value: float) -> None:
         """Take one value; the oldest falls out of a full window."""
-        self._ring[self._next] = value
-        self._next = (self._next + 1) % len(self._ring)
-        self.count += 1
+        self._values.append(value)
 
     def values(self) -> Array:
-        """Return the finite values of the window, in no particular order; (k,)."""
-        return self._ring[np.isfinite(self._ring)]
+        """Return the finite values of the window, oldest first; (k,)."""
+        values = np.array(self._values, dtype=np.float64)
+        return values[np.isfinite(values)]
 
 
 def spread(values: Array) -> dict[str, float]:
@@ -61,10 +60,7 @@ def rate_level(periods_s: Array, nominal_s: float) -> tuple[int, str]:
         return OK, "rate: too few cycles"
     rates = 1.0 / positive
     error, deviation = abs(float(rates.mean()) - 1.0 / nominal_s), float(rates.std())
-    level = max(
-        level_of(error, *RATE_ERROR_HZ),
-        level_of(deviation, *RATE_DEVIATION_HZ),
-    )
+    level = max(level_of(error, *RATE_ERROR_HZ), level_of(deviation, *RATE_DEVIATION_HZ))
     return level, f"rate {_LEVEL_TEXT[level]}: mean off by {error:.1f} Hz, deviation {deviation:.1f} Hz"
 
 
@@ -73,10 +69,7 @@ def compute_level(times_s: Array) -> tuple[int, str]:
     if not len(times_s):
         return OK, "compute time: too few cycles"
     mean, deviation = float(times_s.mean()), float(times_s.std())
-    level = max(
-        level_of(mean, *COMPUTE_S),
-        level_of(deviation, *COMPUTE_DEVIATION_S),
-    )
+    level = max(level_of(mean, *COMPUTE_S), level_of(deviation, *COMPUTE_DEVIATION_S))
     return level, f"compute time {_LEVEL_TEXT[level]}: mean {mean * 1e6:.0f} us, deviation {deviation * 1e6:.0f} us"
 
 

@@ -61,7 +61,7 @@ BAD = {
     "velocity 0": (with_joint(URDF, "joint_3", 'velocity="3"', 'velocity="0"'), ["joint_3", "velocity"]),
     "no effort": (with_joint(URDF, "joint_3", 'effort="150"', ""), ["joint_3", "effort"]),
     "no range": (with_joint(URDF, "joint_4", 'lower="-2.9" upper="2.9"', 'lower="0" upper="0"'), ["joint_4", "0..0"]),
-    "not a number": (with_joint(URDF, "joint_4", 'lower="-2.9"', 'lower="low"'), ["joint_4", "low"]),
+    "not a number": (with_joint(URDF, "joint_4", 'lower="-2.9"', 'lower="low"'), ["low"]),
     "floating": (with_joint(URDF, "joint_1", 'type="revolute"', 'type="floating"'), ["joint_1", "floating"]),
     "no mass": (with_link(URDF, "link_3", "<inertial>.*</inertial>", ""), ["joint_3", "link_3", "mass"]),
     "no body": (with_link(URDF, "link_2", 'izz="0.01"', 'izz="0.05"'), ["link_2", "inertia"]),

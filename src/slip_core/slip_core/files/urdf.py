@@ -55,9 +55,8 @@ def parse_urdf(text: str) -> Element:
     if level:
         raise InputError("robot_description", got=f"elements nested more than {NESTED} deep", expected="a URDF")
     if any("xacro" in element.tag or "${" in "".join(element.attrib.values()) for element in root.iter()):
-        raise InputError(
-            "robot_description", got="xacro", expected="a URDF", fix="name the file arm.xacro, and it is expanded"
-        )
+        fix = "name the file arm.xacro, and it is expanded"
+        raise InputError("robot_description", got="xacro", expected="a URDF", fix=fix)
     _check_tree(root)
     return root
 
@@ -219,7 +218,7 @@ def usable_urdf(text: str, ee_frame: str, joint_names: Sequence[str]) -> str:
         raise InputError("ee_frame", got=ee_frame, expected="a link of the URDF", fix=nearest(ee_frame, links))
     _check_names(moving(chain(root, ee_frame)), moving(list(joints.values())), ee_frame, joint_names)
     for name in joint_names:
-        check_limits(joints[name])
+        _check_limits(joints[name])
     carried = carried_links(root, joint_names)
     for name in joint_names:
         _check_inertias(name, [links[one] for one in carried[name]])
@@ -229,7 +228,7 @@ def usable_urdf(text: str, ee_frame: str, joint_names: Sequence[str]) -> str:
         elif joint.get("type") == "continuous":
             joint.set("type", "revolute")
             for end, value in (("lower", -NO_LIMIT), ("upper", NO_LIMIT)):
-                joint.find("limit").set(end, f"{value:g}")  # type: ignore[union-attr]  # `check_limits` has seen it
+                joint.find("limit").set(end, f"{value:g}")  # type: ignore[union-attr]  # `_check_limits` has seen it
         for mimic in joint.findall("mimic"):
             joint.remove(mimic)
     moved = {one for group in carried.values() for one in group}
@@ -257,56 +256,31 @@ def fix(joint: Element) -> None:
 
 def _check_names(carrying: list[str], movable: list[str], ee_frame: str, names: Sequence[str]) -> None:
     """Compare the configured joints with those that carry the pad, from base to tip."""
-    for name in names:
-        if name not in movable:
-            raise InputError(
-                "joint_names",
-                got=name,
-                expected=f"a moving joint of the URDF; {nearest(name, movable)}",
-                fix="for an arm of your own: slip-vic arm FILE",
-            )
     if list(names) != carrying:
+        near = [nearest(name, movable) for name in names if name not in movable][:1]
         raise InputError("joint_names", got=list(names), expected=f"those that move {ee_frame}, in the order of the "
-                         f"URDF's chain from base to tip: {', '.join(carrying)}")  # fmt: skip
+                         f"URDF's chain from base to tip: {', '.join(carrying)}",
+                         fix="; ".join((*near, "for an arm of your own: slip-vic arm FILE")))  # fmt: skip
 
 
-def check_limits(joint: Element) -> None:
+def _check_limits(joint: Element) -> None:
     """Look whether a commanded joint has what a controller needs of it.
 
     Raises:
         InputError: with the joint's name.
     """
-    name, kind = joint.get("name"), joint.get("type")
-    fix = f"change the URDF, or keep the joint where it is: slip-vic arm FILE --lock {name}=VALUE"
-    if kind not in MOVING:
-        raise InputError(
-            f"URDF joint {name}", got=f"type {kind}", expected="revolute, continuous or prismatic", fix=fix
-        )
-    limit = joint.find("limit")
-    if limit is None:
-        raise InputError(
-            f"URDF joint {name}", got="no <limit>", expected='<limit lower="" upper="" effort="" velocity=""/>', fix=fix
-        )
-    for key in ("effort", "velocity"):
-        if not _number(joint, limit, key) > 0.0:
-            got, expected = f'{key}="{limit.get(key)}"', f"a positive {key} limit"
-            raise InputError(f"URDF joint {name}", got=got, expected=expected, fix=fix)
-    if kind != "continuous" and not _number(joint, limit, "lower") < _number(joint, limit, "upper"):
-        raise InputError(
-            f"URDF joint {name}",
-            got=f"limits {limit.get('lower', '0')}..{limit.get('upper', '0')}",
-            expected="lower < upper",
-            fix='a joint that does not move is type="fixed", one without end type="continuous"',
-        )
-
-
-def _number(owner: Element, element: Element, key: str) -> float:
-    """Return an attribute of an element inside a joint or link."""
-    text = element.get(key, "0")
-    try:
-        return float(text)
-    except ValueError:
-        raise InputError(f"URDF {owner.tag} {owner.get('name')}", got=f'{key}="{text}"', expected="a number") from None
+    name, kind, limit = joint.get("name"), joint.get("type"), joint.find("limit")
+    keys = ("lower", "upper", "effort", "velocity")
+    lower, upper, effort, velocity = (numbers_of(limit, key, (0.0,))[0] for key in keys)
+    if kind in MOVING and effort > 0.0 and velocity > 0.0 and (kind == "continuous" or lower < upper):
+        return
+    limits = f"limits {lower:g}..{upper:g}, effort {effort:g}, velocity {velocity:g}"
+    raise InputError(
+        f"URDF joint {name}",
+        got=f"type {kind}, {'no <limit>' if limit is None else limits}",
+        expected="a revolute, continuous or prismatic one with <limit>: effort and velocity above 0, lower < upper",
+        fix=f"change the URDF, or keep the joint where it is: slip-vic arm FILE --lock {name}=VALUE",
+    )
 
 
 def carried_links(root: Element, joint_names: Sequence[str]) -> dict[str, list[str]]:
@@ -334,11 +308,9 @@ def inertial(link: Element) -> tuple[float, Array] | None:
     found = link.find("inertial")
     if found is None:
         return None
-    mass, tensor = found.find("mass"), found.find("inertia")
-    m = 0.0 if mass is None else _number(link, mass, "value")
     keys = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-    xx, xy, xz, yy, yz, zz = (0.0 if tensor is None else _number(link, tensor, key) for key in keys)
-    return m, np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    xx, xy, xz, yy, yz, zz = (numbers_of(found.find("inertia"), key, (0.0,))[0] for key in keys)
+    return numbers_of(found.find("mass"), "value", (0.0,))[0], np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
 def is_physical(inertia: Array) -> bool:
@@ -351,28 +323,17 @@ def _check_inertias(joint: str, group: list[Element]) -> None:
     """Look whether what a joint moves is a body."""
     total = 0.0
     for link in group:
-        found = inertial(link)
-        if found is None:
-            continue
-        mass, tensor = found
+        mass, tensor = inertial(link) or (0.0, np.zeros((3, 3)))
         total += mass
-        if not (math.isfinite(mass) and mass >= 0.0):
-            raise InputError(
-                f"URDF link {link.get('name')}", got=f"mass {mass:g}", expected="a mass that is not negative"
-            )
-        if not is_physical(tensor):
+        if not (math.isfinite(mass) and mass >= 0.0 and is_physical(tensor)):
             moments = ", ".join(f"{value:.3g}" for value in np.linalg.eigvalsh(tensor))
             raise InputError(
                 f"URDF link {link.get('name')}",
-                got=f"an inertia that no body has (principal moments {moments})",
-                expected="positive moments, none above the sum of the other two",
-                fix="correct <inertia>, or let `slip-vic arm` write a URDF with the nearest possible one",
+                got=f"mass {mass:g}, inertia with principal moments {moments}",
+                expected="a body: nothing negative, no moment above the sum of the other two",
+                fix="correct <inertial>, or let `slip-vic arm` write a URDF with the nearest possible inertia",
             )
     if not total > 0.0:
         names = ", ".join(str(link.get("name")) for link in group)
-        raise InputError(
-            f"URDF joint {joint}",
-            got=f"no mass behind it (link {names})",
-            expected="<inertial> with <mass> and <inertia>",
-            fix="add them from the arm's data sheet",
-        )
+        expected = "<inertial> with <mass> and <inertia>, from the arm's data sheet"
+        raise InputError(f"URDF joint {joint}", got=f"no mass behind it (link {names})", expected=expected)
