@@ -32,6 +32,7 @@ from slip_vic_controller.arm.joint_estimate import (
     Trust,
     clear_findings,
 )
+from slip_vic_controller.arm.plausibility import BIAS
 from slip_vic_controller.contact.layouts import MOTION
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.params.controller_params import ControllerParams
@@ -192,6 +193,29 @@ def test_drifting_position_is_not_followed() -> None:
     assert not state.trust.any()
     assert not state.jumped_s.any()
     assert not state.beyond_s.any()
+
+
+@pytest.mark.parametrize("lie", [0.05, -0.1])
+def test_slow_lie_is_found(lie: float) -> None:
+    """As Page's sum has it: after difference / (lie - BIAS), however slowly; the disturbance swallows it meanwhile."""
+    state, found, _ = moving(lambda q, v, t, m: (q, v + lie), steps=1200)
+    assert (Finding(state.finding), state.joint, Trust(state.trust[1])) == (Finding.VELOCITY, 1, Trust.POSITION)
+    assert found * T == pytest.approx(configuration().difference / (abs(lie) - BIAS), rel=0.3)
+
+
+@pytest.mark.parametrize("late_s", [0.004, 0.009])
+def test_filtered_velocity_is_no_fault(late_s: float) -> None:
+    """Its parity is what it gained times its delay, which is borne up to LATE_S."""
+
+    def filtered(q: float, v: float, t: float, memory: dict[str, float]) -> tuple[float, float]:
+        memory["v"] = memory.get("v", v) + (1.0 - math.exp(-T / late_s)) * (v - memory.get("v", v))
+        return q, memory["v"]
+
+    assert moving(filtered, steps=4000)[1] == -1
+
+
+def test_bias_that_may_last_is_no_fault() -> None:
+    assert moving(lambda q, v, t, m: (q, v + 0.8 * BIAS), steps=4000)[1] == -1
 
 
 def test_noise_is_no_fault() -> None:
