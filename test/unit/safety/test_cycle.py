@@ -210,3 +210,9 @@ def test_kappa_bounded_by_delay() -> None:
         call(limit_internal_gain, config, state, outputs)
         most = share * internal_gain_limit(1.0, 1e4, lag_s + 1e-3 * (1 + measured_ms + max(late_ms)))
         assert outputs.gains.gains.kappa == pytest.approx(min(kappa, most))
+
+
+def test_a_cycle_without_faults_counts_none() -> None:
+    made_up = MadeUp()
+    made_up.cycle()
+    assert made_up.session.counts() == {}

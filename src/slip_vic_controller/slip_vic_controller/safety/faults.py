@@ -34,7 +34,8 @@ class Fault(IntEnum):
     OTHER_ARM = 21
 
 
-FAULTS = len(Fault)
+FAULTS = max(Fault) + 1
+"""Length of an array with a place per fault."""
 
 
 @unique
