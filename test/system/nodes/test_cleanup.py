@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 CHECKS = Path(__file__).with_name("cleanup_checks.py")
-CHECKED = 5
+CHECKED = 3
 TIMEOUT_S = 120.0
 
 

@@ -12,7 +12,6 @@ from scipy.spatial.transform import Rotation
 from slip_core.params import build
 from slip_core.types import DisplacementSample, JointSample, ObjectTruth, SlipSample, WrenchSample
 from slip_sim_bridge.params import BridgeParams
-from slip_sim_bridge.sensors.slip import dead_band
 from slip_sim_bridge.sensors.slip_kinds import pose_of
 from slip_sim_bridge.sensors.suite import SensorSuite
 
@@ -39,12 +38,6 @@ def test_quantum_saturation_and_dead_band() -> None:
     assert not one(slip__dead_band_linear=0.037)[:3].any()
     assert one(slip__dead_band_linear=0.035)[:2].all()
     assert one(slip__dead_band_angular=0.5)[5] == 0.0
-
-
-def test_dead_band_is_on_the_speed_and_leaves_the_other_half() -> None:
-    assert dead_band(MOVING, 0.0, 0.0) is MOVING
-    got = dead_band(MOVING, math.hypot(0.03, 0.02) + 1e-6, 0.1)
-    assert got.tolist() == [0.0, 0.0, 0.0, 0.0, 0.0, 0.4]
 
 
 def test_gain_bias_and_invalid() -> None:
