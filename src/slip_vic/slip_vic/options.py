@@ -19,8 +19,7 @@ from slip_vic.presets import find_preset
 if TYPE_CHECKING:
     from slip_vic.scenarios.scenario import Estimator, Law, Mode, Scenario
 
-ALL_LAWS: Final = ("classical", "vic", "governed", "leader_follower", "classical_internal", "printed", "shared")
-"""The last four are of several arms."""
+ALL_LAWS: Final = ("classical", "vic", "governed", "printed")
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 

@@ -163,8 +163,6 @@ class ArmState(Record):
     pad: GovernedPad
     grip: Grip
     grasp: Grasp  # its pad as the first arm's pad saw it when the law began
-    reference_known: Whole
-    reference: DesiredMotion  # of this pad alone, where it does not keep to the object
     estimate: JointEstimate
     motion: MotionCommand  # where the drives take velocities or positions
     tare: Tare

@@ -232,21 +232,10 @@ def test_laws_set_contacts_and_gains() -> None:
     for law, name in itertools.product(LAWS, (FLAT, UPRIGHT)):
         scenario = load_scenario(name, law=law)
         left, right = scenario.controllers.values()
-        both = law not in ("classical", "leader_follower", "printed")
+        both = law not in ("classical", "printed")
         assert len(left.contacts.position) == (6 if both else 3)
         assert (left.gains.spin == "bounded") == (law == "governed" or (name == FLAT and law != "printed"))
-        assert (left.gains.kappa > 0.0) == (law in ("vic", "classical_internal", "governed"))
+        assert (left.gains.kappa > 0.0) == (law in ("vic", "governed"))
         if both:
             assert left.contacts.position[:3] == right.contacts.position[3:]
         Controller(scenario.controllers, scenario.placed, lockstep=True)
-
-
-def test_follower_keeps_to_leader() -> None:
-    loop = ClosedLoop(load_scenario(UPRIGHT, law="leader_follower", assignments=SOON))
-    run = list(ticks(loop, 400))
-    before, now = run[-2].results, run[-1].results[1].record.reference
-    apart = run[0].results[1].arm.position - run[0].results[0].arm.position
-    turned = before[0].arm.rotation @ run[0].results[0].arm.rotation.T
-    np.testing.assert_allclose(now.position, before[0].arm.position + turned @ apart, atol=1e-12)
-    np.testing.assert_array_equal(now.twist[3:], before[0].arm.twist[3:])
-    assert float(np.linalg.norm(now.position - run[0].results[1].arm.position)) > 0.02

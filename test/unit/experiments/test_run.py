@@ -56,7 +56,6 @@ def test_a_run_has_all_its_numbers() -> None:
         ("vic", ("bridge.duration_s=nonsense",), "refused", "duration_s"),
         ("vic", ("bridge.gravity=[0.0, 0.0, -1e6]", "bridge.grip.pad_size=[1e3, 1e3]"), "lost", "simulation diverged"),
         ("classical", ("controller.tare.duration_s=1.0",), "held", "the law never began: "),
-        ("shared", (), "refused", "one arm"),
         ("nowhere.py:Law", (), "refused", "no file nowhere.py"),
     ],
 )

@@ -10,7 +10,7 @@ import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.incidents import Incident
-from slip_core.types import CartesianReference, DisplacementSample, JointCommand
+from slip_core.types import DisplacementSample, JointCommand
 from slip_sim_bridge.session import TickOutputs
 from slip_vic.scenarios.scenario import Scenario
 from slip_vic_controller.session.controller import Controller
@@ -79,7 +79,6 @@ class ClosedLoop:
         self.bridge = scenario.bridge_session()
         self.session = ControllerSession(Controller(scenario.controllers, scenario.placed, lockstep=True))
         self.controller = self.session.arms[0]
-        self._leader = Leader(self.session) if scenario.law == "leader_follower" else None
 
     def observe(self) -> TickOutputs:
         """Return what the bridge measures now."""
@@ -102,37 +101,12 @@ class ClosedLoop:
         results = tuple([result for result in session.cycle() if result is not None])
         if len(results) != len(session.arms):
             raise RuntimeError("the controller did not answer a complete tick")
-        if self._leader is not None:
-            self._leader.lead(results)
         return results
 
     def control(self, outputs: TickOutputs) -> CycleResult:
         """Return the controller's answer to a tick's outputs, of the only arm."""
         (result,) = self.answer(outputs)
         return result
-
-
-class Leader:
-    """Leads the second pad by the first one: as far away as at first, with its velocity, one cycle later.
-
-    Args:
-        session: whose second arm is led.
-    """
-
-    def __init__(self, session: ControllerSession) -> None:
-        self._session = session
-        self._apart: tuple[Array, Array] | None = None
-
-    def lead(self, results: tuple[CycleResult, ...]) -> None:
-        """Set the second arm's reference of the next cycle from where the first arm is in this one."""
-        left, right = (result.arm for result in results)
-        R, twist = np.array(left.rotation), np.array(left.twist)
-        if self._apart is None:
-            self._apart = R.T @ (right.position - left.position), R.T @ right.rotation
-        lever = R @ self._apart[0]
-        v = np.concatenate((twist[:3] + np.cross(twist[3:], lever), twist[3:]))
-        reference = CartesianReference(left.position + lever, R @ self._apart[1], v, np.zeros(6))
-        self._session.arms[1].set_own_reference(reference)
 
 
 def run_in_process(scenario: Scenario, late_ticks: int = 0) -> Iterator[Tick]:

@@ -98,10 +98,6 @@ class Launcher:
         self._incidents: list[Incident] = []
         self._stop = StopFlag()
         check_ros()
-        if scenario.law == "leader_follower":
-            raise InputError(
-                "--law leader_follower", got="nodes on DDS", expected="both sides in one process", fix="--in-process"
-            )
         scenario.check()
         if bag is not None:
             _check_new_folder(bag)

@@ -43,20 +43,12 @@ if TYPE_CHECKING:
     from slip_vic.run.in_process import Tick
     from slip_vic.run.run import Run
 
-Law = Literal[
-    "classical", "vic", "governed", "leader_follower", "classical_internal", "printed", "shared"
-]  # fmt: skip
-"""classical: impedance control without slip; vic: the paper's law; governed: that below the reference governor. Of
-several arms: vic has the wrenches of all in h_o, and internal feedback; leader_follower: classical, the last pad
-follows the first one instead of the path; classical_internal: classical with internal feedback; shared: the wrenches of
-all, without internal feedback. printed: the paper's law and nothing else, each arm with its own wrench."""
+Law = Literal["classical", "vic", "governed", "printed"]
+"""classical: impedance control without slip; vic: the paper's law, with internal feedback between several arms;
+governed: that below the reference governor; printed: the paper's law and nothing else, each arm with its own wrench."""
 LAWS: tuple[Law, ...] = get_args(Law)
-OF_SEVERAL: Final = ("leader_follower", "classical_internal", "shared")
-"""Laws that only several arms have."""
-CLASSICAL: Final = ("classical", "leader_follower", "classical_internal")
-OWN_WRENCH: Final = ("classical", "leader_follower", "printed")
-"""Laws in which each arm has its own contact only."""
-WITHOUT_INTERNAL: Final = (*OWN_WRENCH, "shared")
+OWN_WRENCH: Final = ("classical", "printed")
+"""Laws in which each of several arms has its own contact only, and no internal feedback."""
 Estimator = Literal["measured", "observer"]
 Mode = Literal["lockstep", "realtime"]
 NodeValues = dict[str, dict[str, Any]]
@@ -328,17 +320,11 @@ def load_scenario(
 
 
 def law_settings(law: Law, arms: int) -> dict[str, Any]:
-    """Return what a law sets in the controller of each of so many arms.
-
-    Raises:
-        InputError: a law of several arms for one.
-    """
+    """Return what a law sets in the controller of each of so many arms."""
     if law not in LAWS:
         raise UnknownName("law", law, LAWS)
-    if law in OF_SEVERAL and arms == 1:
-        raise InputError(f"--law {law}", got="a scenario with one arm", expected="classical, vic, governed, printed")
-    settings: dict[str, Any] = {"controller": "classical" if law in CLASSICAL else "vic"}
-    if law in WITHOUT_INTERNAL and arms > 1:
+    settings: dict[str, Any] = {"controller": "classical" if law == "classical" else "vic"}
+    if law in OWN_WRENCH and arms > 1:
         settings["gains.kappa"] = 0.0
     if law == "governed":
         settings |= GOVERNED

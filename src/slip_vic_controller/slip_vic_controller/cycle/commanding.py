@@ -70,9 +70,7 @@ def _reference(config: ControllerConfig, task: TaskState, state: ArmState, outpu
     """
     law = state.law
     keeps = not lead and (task.reference_known != 0 or config.stream.on != 0 or config.goals.on != 0)
-    if state.reference_known != 0:
-        desired = read_reference(state.reference)
-    elif keeps:
+    if keeps:
         desired = carried(read_reference(task.desired), state.grasp)
     elif task.reference_known != 0:
         desired = read_reference(task.reference)

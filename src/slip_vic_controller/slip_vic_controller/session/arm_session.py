@@ -221,11 +221,6 @@ class ArmSession:
         """Take the list of what belongs to the current lockstep cycle; contacts in this arm's order."""
         self._manifest = manifest
 
-    def set_own_reference(self, reference: CartesianReference) -> None:
-        """Use this reference of this pad alone from the next cycle on, wherever the others are led."""
-        self.state.reference_known = 1
-        write_reference(reference, self.state.reference)
-
     def set_publishers(self, counts: Mapping[str, int], own_topic_publishers: int) -> None:
         """Take how many publishers each input topic has, and how many our command topic has."""
         before, twice = self.state.outside, [name for name, count in counts.items() if count > 1]
