@@ -100,6 +100,13 @@ def test_a_wrong_mass_counts_once() -> None:
     assert run(state, 500, 0.15, 0.15, 0.09) >= 0
 
 
+@pytest.mark.parametrize(("measured", "found"), [(0.9, False), (1.1, True)])
+def test_small_loads_show_a_bias(measured: float, found: bool) -> None:
+    """What is left of a load after a bias of the wrench is no friction, however much is missing."""
+    left = measured * LEAST_FRICTION * 0.25
+    assert (run(evidence(), 2000, 0.15, 0.15, left) >= 0) is found
+
+
 def test_noise_is_no_load() -> None:
     state, rng, found = evidence(), np.random.default_rng(3), 0
     for k in range(20_000):

@@ -13,7 +13,8 @@ velocities accelerates where nothing is commanded. Means of vectors come before 
 
 Assumptions: one arm, whose mass and wrench are right to SCATTERS (a tare sees to both where the weight is not in the
 slip plane). What a wrong mass claims is believed once, until a load that counts has been carried in full: it costs the
-share of the load by which the mass is wrong, and no more.
+share of the load by which the mass is wrong, and no more. A load below
+LEAST_FRICTION F is none that friction ends at, but what a bias of the wrench leaves of a small one.
 """
 
 from __future__ import annotations
@@ -82,7 +83,7 @@ def lacks_load(
         commanded: load of the command that led to this cycle [N].
         needed: load of the acceleration that the pad has, turning at the torsional radius [N] {ee}.
         measured: the load [N] {ee}.
-        F: load that friction is taken to carry [N].
+        F: load that friction was taken to carry at first [N].
         seen: whether the slip sensor shows slip, 0 or 1.
         stamp_ns: of this cycle.
         dt: since the cycle before [s].
@@ -100,7 +101,7 @@ def lacks_load(
     state.sum_s = min(max(state.sum_s + dt * ((D - carried) / counts - SCATTERS), 0.0), 2.0 * LACKS_S)
     if state.sum_s == 0.0 and counts == D:
         state.spent = 0
-    if state.sum_s <= LACKS_S or state.spent != 0:
+    if state.sum_s <= LACKS_S or state.spent != 0 or carried < LEAST_FRICTION * F:
         return False
     state.spent, state.lacks_of, state.carried = 1, D, carried
     if state.unseen == 0:

@@ -146,7 +146,7 @@ def weigh_evidence(
         grasped, R = held(config, state, outputs.gains), mat(motion.rotation)
         needed = load(grasped, weights, R, v_ee.angular, vec(limits.gravity), a)
         measured = weights * spatial(outputs.samples[0].wrench)
-        F, seen = pad.grip * pad.estimate.F_hat, pad.estimate.slipping
+        F, seen = pad.grip * pad.estimate.first, pad.estimate.slipping
         if lacks_load(evidence, pad.commanded, needed, measured, F, seen, stamp_ns, dt):
             learn_carried(limits.estimate, pad.estimate, evidence.carried / pad.grip, stamp_ns)
     put_spatial(evidence.twist, v_ee)
