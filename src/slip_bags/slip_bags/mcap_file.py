@@ -20,6 +20,8 @@ from slip_bags.format import TopicInfo, parse_qos
 from slip_core.errors import InputError
 from slip_core.files.resources import MAX_BYTES
 
+RECORD_BYTES: Final = 350
+"""What a record takes in memory beside its content."""
 LATEST_NS: Final = 2**63 - 1
 # What parsing a damaged file raises, here and in the mcap package.
 DAMAGE: Final = (
@@ -54,8 +56,8 @@ def chunk_records(chunk: Chunk) -> list[McapRecord]:
         one of `DAMAGE`: cut, larger than declared, of unknown compression, or with a wrong CRC.
     """
     size = chunk.uncompressed_size
-    if size > MAX_BYTES:
-        raise DamagedError(f"chunk of {size} bytes, more than {MAX_BYTES}")
+    if (room := MAX_BYTES - 2 * size) < 0:  # its content, and that of each record
+        raise DamagedError(f"chunk of {size} bytes, more than memory may hold")
     if chunk.compression == "zstd":
         with zstandard.ZstdDecompressor().stream_reader(chunk.data) as reader:
             content = reader.read(size + 1)
@@ -67,6 +69,12 @@ def chunk_records(chunk: Chunk) -> list[McapRecord]:
         raise DamagedError(f"unknown compression {chunk.compression!r}")
     if len(content) != size:
         raise DamagedError(f"chunk declares {size} bytes and holds {'more' if len(content) > size else len(content)}")
+    at = 0
+    while at < size and room >= 0:
+        at += 9 + int.from_bytes(content[at + 1 : at + 9], "little")
+        room -= RECORD_BYTES
+    if room < 0:
+        raise DamagedError("chunk with more records than memory may hold")
     return breakup_chunk(dataclasses.replace(chunk, compression="", data=content), validate_crc=True)
 
 

@@ -32,6 +32,7 @@ from slip_bags.format import TopicInfo, parse_custom_data
 from slip_bags.mcap_file import (
     DAMAGE,
     LATEST_NS,
+    RECORD_BYTES,
     DamagedError,
     chunk_records,
     mcap_files,
@@ -41,8 +42,9 @@ from slip_bags.series import Series
 from slip_core.errors import InputError, nearest
 from slip_core.files.resources import MAX_BYTES, open_file
 
-MAX_MESSAGES: Final = 1_000_000
-"""Messages that are in memory at once: some 350 MB beside their bytes."""
+MOST_CHANNELS: Final = 4096
+MAX_DECODED: Final = MAX_BYTES // 32
+"""Bytes of a message that is decoded: an object for each byte is the most that it can become."""
 
 
 class RawMessage(NamedTuple):
@@ -102,6 +104,8 @@ class Bag:
         times = summary.statistics.message_start_time, summary.statistics.message_end_time
         if (total := sum(counts.values())) and not chunks:
             raise DamagedError("no index")
+        if len(summary.channels) > MOST_CHANNELS or len({one.chunk_start_offset for one in chunks}) < len(chunks):
+            raise DamagedError(f"more than {MOST_CHANNELS} channels, or chunks that are listed twice")
         if max(*times, *(chunk.message_end_time for chunk in chunks)) > LATEST_NS:
             raise DamagedError("times beyond the year 2262")
         self._channels = {key: channel.topic for key, channel in summary.channels.items()}
@@ -181,13 +185,14 @@ class Bag:
     @property
     def _is_short(self) -> bool:
         size = sum(chunk.uncompressed_size for chunk in self._chunks)
-        return size <= MAX_BYTES and self.message_count <= MAX_MESSAGES
+        return size + RECORD_BYTES * self.message_count <= MAX_BYTES // 2
 
     @functools.cached_property
     def _all(self) -> list[RawMessage]:
         """All messages of a short bag: a chunk holds all topics, so one pass serves all of them."""
-        found = list(itertools.islice(self._stored(), MAX_MESSAGES + 1))
-        if len(found) > MAX_MESSAGES:
+        count = self.message_count
+        found = list(itertools.islice(self._stored(), count + 1))
+        if len(found) > count:
             raise self._damaged(DamagedError("more messages than the index states"))
         return found
 
@@ -198,7 +203,7 @@ class Bag:
         try:
             for chunk, following in zip(self._chunks, [*starts[1:], LATEST_NS + 1], strict=True):
                 waiting += self._chunk_messages(chunk)
-                if len(waiting) > MAX_MESSAGES or sum(len(message.data) for message in waiting) > MAX_BYTES:
+                if sum(RECORD_BYTES + len(message.data) for message in waiting) > MAX_BYTES:
                     raise DamagedError("more messages of one time than memory may hold")
                 waiting.sort(key=attrgetter("log_time_ns"))
                 due = bisect_left(waiting, following, key=attrgetter("log_time_ns"))
@@ -230,6 +235,8 @@ class Bag:
         decode = self._decoder(info)
         for message in self.raw([info.name]):
             try:
+                if len(message.data) > MAX_DECODED:
+                    raise DamagedError(f"{len(message.data)} bytes, more than {MAX_DECODED}")
                 value = decode(message.data)
             except Exception as error:  # the decoder is generated from the file's own schema: anything may happen
                 got = " ".join(str(error).split()) or type(error).__name__

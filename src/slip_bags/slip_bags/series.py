@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable, Iterator, Mapping
 from operator import attrgetter
 from types import SimpleNamespace
@@ -11,10 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_core.errors import InputError
+from slip_core.files.resources import MAX_BYTES
 
 if TYPE_CHECKING:
     from slip_bags.reader import DecodedMessage
 
+_ROW_BYTES = 256  # of the times of a message, and its list
 Ints = NDArray[np.int64]
 
 
@@ -37,12 +40,20 @@ class Series(Mapping[str, NDArray[Any]]):
         fields: list[attrgetter[Any]] = []
         rows: list[list[Any]] = []
         paths: list[str] = []
+        size = 0
         for *numbers, value in messages:
             if not rows:
                 paths = list(_paths(value))
                 fields = [attrgetter(path) for path in paths]
+            row = [_row(field(value)) for field in fields]
+            if rows:  # names and the like, which seldom change, are kept once
+                row = [old if _same(old, new) else new for old, new in zip(rows[-1], row, strict=True)]
+                size += sum(_size(new) for old, new in zip(rows[-1], row, strict=True) if old is not new)
+            size += _ROW_BYTES + 8 * len(row)
+            if size > MAX_BYTES:
+                raise InputError(f"topic {topic}", got="more messages than memory may hold", expected="a shorter bag")
             times.append(tuple(numbers))
-            rows.append([field(value) for field in fields])
+            rows.append(row)
         table = _frozen(np.array(times, dtype=np.int64).reshape(-1, 3))
         self.log_time_ns, self.publish_time_ns, self.sequence = table.T
         self._columns = {
@@ -107,9 +118,9 @@ def _column(values: tuple[Any, ...]) -> NDArray[Any]:
     """Put the values of one field together: (n,), or (n, k) where all are arrays of one length."""
     if isinstance(values[0], str):
         return np.array(values, dtype=object)
-    if not isinstance(values[0], list | bytes):
+    if not isinstance(values[0], list | np.ndarray):
         return np.array(values)
-    rows = [_row(value) for value in values]
+    rows = values
     arrays = [row for row in rows if isinstance(row, np.ndarray)]
     if len(arrays) == len(rows) and len({len(row) for row in arrays}) == 1:
         return np.stack(arrays)
@@ -119,11 +130,30 @@ def _column(values: tuple[Any, ...]) -> NDArray[Any]:
     return column
 
 
-def _row(value: list[Any] | bytes) -> NDArray[Any] | list[Any]:
-    """Return an array field of one message as an array; an array of messages stays a list."""
+def _size(value: Any) -> int:
+    """Return about how many bytes a decoded value takes."""
+    if isinstance(value, np.ndarray) and value.dtype != object:
+        return 112 + value.nbytes
+    if isinstance(value, list | np.ndarray):
+        return 112 + sum(map(_size, value))
+    if isinstance(value, SimpleNamespace):
+        return 112 + sum(_size(getattr(value, name)) for name in value.__slots__)
+    return sys.getsizeof(value) + 8
+
+
+def _same(one: Any, other: Any) -> bool:
+    """Whether two texts, or arrays of texts, are equal."""
+    if isinstance(one, str) or isinstance(other, str):
+        return bool(one == other)
+    arrays = isinstance(one, np.ndarray) and isinstance(other, np.ndarray) and one.dtype == other.dtype == object
+    return arrays and np.array_equal(one, other)
+
+
+def _row(value: Any) -> Any:
+    """Return a field of one message, an array field as an array; an array of messages stays a list."""
     if isinstance(value, bytes):
         return np.frombuffer(value, dtype=np.uint8)
-    if value and isinstance(value[0], SimpleNamespace):
+    if not isinstance(value, list) or (value and isinstance(value[0], SimpleNamespace)):
         return value
     return np.array(value, dtype=object if value and isinstance(value[0], str) else None)
 

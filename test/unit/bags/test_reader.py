@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import os
 import struct
+import tracemalloc
 from pathlib import Path
 
 import pytest
+import zstandard
+from mcap.records import Chunk
 from mcap.writer import CompressionType, IndexType, Writer
 
 from slip_bags import reader as reader_module
+from slip_bags import series as series_module
 from slip_bags.format import TopicInfo
+from slip_bags.mcap_file import RECORD_BYTES, DamagedError, chunk_records
 from slip_bags.reader import Bag
 from slip_bags.recover import recover
 from slip_bags.typedefs import find_definition
@@ -97,13 +102,49 @@ def test_memory_is_bounded(tmp_path, monkeypatch):
     """Chunks of one time are in memory together; more than the bound is refused, whatever each of them holds."""
     write_strings(tmp_path / "x", [START_NS] * 50, fill=b"x" * 50, chunk_size=100)
     held = 50 * (8 + 51) + 10 * 1 + 40 * 2  # bytes of all messages: CDR head, size, text and its end
-    for name, enough in (("MAX_BYTES", held), ("MAX_MESSAGES", 50)):
-        with Bag(tmp_path / "x") as bag, monkeypatch.context() as patch:
-            patch.setattr(reader_module, name, enough)
-            assert len(list(bag.raw())) == 50
-            patch.setattr(reader_module, name, enough - 1)
-            with pytest.raises(InputError, match="more messages of one time"):
-                list(bag.raw())
+    enough = held + 50 * RECORD_BYTES
+    with Bag(tmp_path / "x") as bag:
+        monkeypatch.setattr(reader_module, "MAX_BYTES", enough)
+        assert len(list(bag.raw())) == 50
+        monkeypatch.setattr(reader_module, "MAX_BYTES", enough - 1)
+        with pytest.raises(InputError, match="more messages of one time"):
+            list(bag.raw())
+
+
+def test_a_small_chunk_of_a_million_records_is_refused_before_it_fills_memory():
+    content = bytes(9 * 1_600_000)  # empty records
+    data = zstandard.ZstdCompressor().compress(content)
+    assert len(data) < 1 << 16
+    tracemalloc.start()
+    with pytest.raises(DamagedError, match="more records than memory may hold"):
+        chunk_records(
+            Chunk(
+                compression="zstd",
+                data=data,
+                message_start_time=0,
+                message_end_time=0,
+                uncompressed_crc=0,
+                uncompressed_size=len(content),
+            )
+        )
+    assert tracemalloc.get_traced_memory()[1] < 64 << 20
+    tracemalloc.stop()
+
+
+def test_columns_of_more_than_memory_may_hold_are_refused(tmp_path, monkeypatch):
+    write_strings(tmp_path / "x", [START_NS] * 50, fill=b"x" * 50)
+    monkeypatch.setattr(series_module, "MAX_BYTES", 50 * 300)
+    with Bag(tmp_path / "x") as bag, pytest.raises(InputError, match="more messages than memory may hold"):
+        bag.series("/a")
+
+
+def test_chunks_that_are_listed_twice_are_refused(tmp_path):
+    write_strings(tmp_path / "x", [START_NS] * 5)
+    with Bag(tmp_path / "x") as bag:
+        summary = bag._reader.get_summary()
+        summary.chunk_indexes *= 1000
+        with pytest.raises(ValueError, match="listed twice"):
+            bag._load(summary)
 
 
 def test_times_beyond_int64_are_refused(tmp_path):
