@@ -73,6 +73,8 @@ class Operator:
         end = time.monotonic() + seconds
         while not (held := until()) and (left := end - time.monotonic()) > 0.0:
             self.executor.spin_once(timeout_sec=min(left, LOOK_S))
+            if self.helps and self.mode == "FAULT" and not self._steps:
+                self.restart(AGAIN_S)  # a publisher that has died counts until its lease ends
             if self.helps and self._steps and time.monotonic() >= self._next_s:
                 self._clients[self._steps.pop(0)].call_async(Trigger.Request())
                 self._next_s = time.monotonic() + AGAIN_S

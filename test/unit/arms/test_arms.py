@@ -15,7 +15,7 @@ from slip_core.types import CartesianReference
 from slip_sim_bridge.internal import internal_wrenches
 from slip_vic.run.in_process import ClosedLoop, Tick, run_in_process
 from slip_vic.scenarios.scenario import LAWS, Scenario, load_scenario
-from slip_vic_controller.cycle.governing import agree_on_friction
+from slip_vic_controller.cycle.contact import agree_on_friction
 from slip_vic_controller.law.bounds import internal_gain_limit
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.session.controller import Controller
