@@ -124,7 +124,7 @@ def test_several_arms_keep_path() -> None:
     for G in (sticks, slips):
         while G.state.s < 0.4 * G.state.end:
             G.before()
-    slips.state.estimate.slipping = 1
+    slips.state.contact.slipping = 1
     for _ in range(200):
         for kept, followed in zip(sticks.before(), slips.before(), strict=True):
             np.testing.assert_array_equal(followed, kept)
