@@ -11,6 +11,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from weakref import WeakSet
 
+from rclpy._rclpy_pybind11 import InvalidHandle
 from rclpy.clock import Clock, ClockType
 from rclpy.experimental import EventsExecutor
 from rclpy.logging import get_logger
@@ -30,10 +31,14 @@ def wake_all() -> None:
         spinner.enough()
 
 
-def _tell_of_a_drop() -> None:
-    """Say that there is no memory for a message: the executor raises where it takes one, and can go on without it."""
+def _tell_of_a_drop(error: Exception) -> None:
+    """Report what the executor raises where it takes or answers a message, without which it can continue.
+
+    There is no memory for it, or what it was for has been destroyed while it was handled, by a transition for instance.
+    """
     with suppress(MemoryError):
-        get_logger(__name__).error("a message was dropped: no memory is left for it", throttle_duration_sec=1.0)
+        why = "no memory is left for it" if isinstance(error, MemoryError) else "what it was for has just been removed"
+        get_logger(__name__).error(f"a message was dropped: {why}", throttle_duration_sec=1.0)
 
 
 class Spinner:
@@ -67,15 +72,15 @@ class Spinner:
         self._enough = Future()
         try:
             self._executor.spin_until_future_complete(self._enough, timeout_sec=timeout_s)
-        except MemoryError:
-            _tell_of_a_drop()
+        except (MemoryError, InvalidHandle) as error:
+            _tell_of_a_drop(error)
 
     def turn(self, timeout_s: float) -> None:
         """Run the next callback, if there is one within `timeout_s`; for what is done in every tick."""
         try:
             self._executor.spin_once(timeout_sec=timeout_s)
-        except MemoryError:
-            _tell_of_a_drop()
+        except (MemoryError, InvalidHandle) as error:
+            _tell_of_a_drop(error)
 
     def enough(self) -> None:
         """End the present `spin` after this callback."""

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 from rclpy.experimental import EventsExecutor
+from std_srvs.srv import Trigger
 
 from slip_msgs_py.executor import Spinner
 
@@ -25,6 +26,29 @@ def test_a_turn_is_one_callback(ros_node: Any, spinner: Spinner) -> None:
         while len(called) < count:
             spinner.turn(1.0)
         assert len(called) == count
+
+
+def test_a_call_of_a_service_that_is_removed_while_it_is_answered_ends_nothing(ros_node: Any, spinner: Spinner) -> None:
+    """As cleanup does it at the moment of a call: rclpy cannot send the response any more."""
+    answered: list[int] = []
+
+    def answer(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        answered.append(1)
+        ros_node.destroy_service(service)
+        return response
+
+    service = ros_node.create_service(Trigger, "gone", answer)
+    client = ros_node.create_client(Trigger, "gone")
+    assert client.wait_for_service(5.0)
+    client.call_async(Trigger.Request())
+    end = time.monotonic() + 10.0
+    while not answered and time.monotonic() < end:
+        spinner.spin(0.1)
+    assert answered
+    called: list[int] = []
+    ros_node.create_timer(0.002, lambda: called.append(1))
+    spinner.spin_while(ros_node, lambda: len(called) < 5, 0.005)
+    assert len(called) >= 5
 
 
 def test_spins_while_condition_holds(ros_node: Any, spinner: Spinner) -> None:
