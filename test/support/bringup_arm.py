@@ -15,7 +15,7 @@ from slip_sim_bridge.params import BridgeParams
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic.setup.bringup.hands import Simulated
-from slip_vic.setup.bringup.heard import BRIDGE, Heard, Track
+from slip_vic.setup.bringup.heard import BRIDGE, Heard, Status, Track
 from slip_vic.setup.bringup.walk import Verdict, Walk
 from slip_vic_controller.node.goal import GoalInterface
 from slip_vic_controller.params.node_params import ControllerNodeParams
@@ -79,7 +79,7 @@ class Loop:
         self.params, self.urdf, self.bridge_params = loaded.controller, loaded.urdf, loaded.bridge
         self.loop = ClosedLoop(loaded)
         self._goals = _Goals(self.loop.session)
-        self.mode = self.goal = ""
+        self.status, self.goal = Status(), ""
         self._given = 0
 
     def listen(self, seconds: float, begin: Callable[[], None] = lambda: None) -> Heard:
@@ -89,7 +89,7 @@ class Loop:
         for tick in range(ticks):
             outputs = self._error.inputs(self.loop.observe())
             result = self.loop.control(outputs)
-            self.mode = f"{result.mode.name}: {result.reason}"
+            self.status = Status(result.mode.name, result.reason)
             for line in self._goals.changes():
                 self.goal = line
             now = outputs.stamp_ns * 1e-9

@@ -13,7 +13,7 @@ from slip_core.params import build
 from slip_core.records import record
 from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_vic_controller.params.controller_params import ControllerParams
-from slip_vic_controller.safety.faults import Fault
+from slip_vic_controller.safety.conditions import Reason
 from slip_vic_controller.session.controller import Controller
 from slip_vic_controller.session.cycle_result import CycleResult, Health
 from slip_vic_controller.state import CONFIG
@@ -109,7 +109,7 @@ class MadeUp:
         new = SlipSample(self.stamp_ns, slip)
         self.session.add_joint(joint, self.now_ns)
         self.session.give(joint, [WrenchSample(self.stamp_ns, wrench)], [new], [new])
-        return self.session.answer(joint, Fault.NONE, self.now_ns, 0, Health() if health is None else health)
+        return self.session.answer(joint, Reason.NONE, self.now_ns, 0, Health() if health is None else health)
 
 
 def law_at_work(lockstep: bool = False, **values: Any) -> MadeUp:

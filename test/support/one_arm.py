@@ -6,7 +6,7 @@ from typing import Any
 
 from slip_core.types import CartesianReference, JointSample, PoseGoal
 from slip_vic_controller.params.controller_params import ControllerParams
-from slip_vic_controller.safety.faults import Fault
+from slip_vic_controller.safety.conditions import Reason
 from slip_vic_controller.safety.modes import Request
 from slip_vic_controller.session.controller import Controller
 from slip_vic_controller.session.cycle_result import CycleResult, Health
@@ -60,7 +60,9 @@ class OneArm:
     def failed(self, now_ns: int) -> CycleResult | None:
         return self.session.failed(now_ns)[0]
 
-    def answer(self, joint: JointSample, fault: Fault, now_ns: int, missing: int, health: Health | None) -> CycleResult:
+    def answer(
+        self, joint: JointSample, fault: Reason, now_ns: int, missing: int, health: Health | None
+    ) -> CycleResult:
         self.arm.waiting = joint, int(fault), missing, health
         (result,) = self.session.answer(now_ns)
         assert result is not None

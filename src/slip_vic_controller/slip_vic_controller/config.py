@@ -35,6 +35,7 @@ from slip_vic_controller.params.interface_params import GripParams
 from slip_vic_controller.params.safety_params import InputParams, SafetyParams, WatchParams
 from slip_vic_controller.path.goals import GoalsConfig
 from slip_vic_controller.path.paths import PATH, make_path
+from slip_vic_controller.safety.conditions import Reason
 from slip_vic_controller.safety.drop_detection import FALLS_WITHIN_S, DropDetectionConfig
 from slip_vic_controller.safety.effort_limiter import LONGEST_STEP_S, RESTART_AFTER_S
 from slip_vic_controller.safety.hold import LEAST_LOAD, LOAD_S, HoldConfig
@@ -256,20 +257,20 @@ def _fill_vector(
 
 
 def _fill_modes(config: ControllerConfig, params: ControllerParams) -> None:
-    safety, arbitration = params.safety, config.arbitration
+    safety, conditions = params.safety, config.conditions
     config.modes.auto_enable, config.modes.auto_resume = int(safety.auto_enable), int(safety.auto_resume)
     config.modes.resume_after_ns = seconds_to_ns(safety.resume_after_s)
     observer_s = safety.fallback.observer_s if params.slip_estimator == "observer" else 0.0
-    arbitration.observer_ns = seconds_to_ns(observer_s)
-    arbitration.slow_down_ns = seconds_to_ns(STOPS_WITHIN * safety.fallback.slow_down_s)
-    arbitration.bridge_ns = seconds_to_ns(safety.inputs.bridge_s)
+    for reason in Reason:
+        conditions.lasts_ns[reason] = seconds_to_ns(reason.lasts_s) + 1 if reason.lasts_s else 0  # for longer
+    conditions.lasts_ns[Reason.SLIP_SLOWS] = seconds_to_ns(observer_s)
+    conditions.slow_down_ns = seconds_to_ns(STOPS_WITHIN * safety.fallback.slow_down_s)
+    conditions.bridge_ns = seconds_to_ns(safety.inputs.bridge_s)
     unseen_s = min(safety.inputs.bridge_s + safety.fallback.slow_down_s, UNSEEN_SHARE * BLIND_S)
-    arbitration.unseen_ns = seconds_to_ns(unseen_s)
-    arbitration.gap_ns = seconds_to_ns(safety.inputs.joint.age_s)
-    arbitration.late_after = ACCEPT_AFTER
-    arbitration.slip_needed = int(params.controller != "classical")
-    arbitration.resume_slip_linear = safety.resume_slip_linear
-    arbitration.resume_slip_angular = safety.resume_slip_angular
+    conditions.unseen_ns = seconds_to_ns(unseen_s)
+    conditions.gap_ns = seconds_to_ns(safety.inputs.joint.age_s)
+    conditions.late_after = ACCEPT_AFTER
+    conditions.slip_needed = int(params.controller != "classical")
 
 
 def _fill_limits(config: ControllerConfig, safety: SafetyParams, robot: Robot, period_s: float) -> None:

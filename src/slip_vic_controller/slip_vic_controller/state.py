@@ -26,7 +26,7 @@ from slip_vic_controller.path.goals import Goal, GoalsConfig
 from slip_vic_controller.path.path_scaling import PathScaling
 from slip_vic_controller.path.paths import DesiredMotion, Grasp, Path
 from slip_vic_controller.path.stream import Stream, StreamConfig
-from slip_vic_controller.safety.arbitration import ArbitrationConfig, Health, Since
+from slip_vic_controller.safety.conditions import REASONS, Condition, ConditionsConfig, Health, WhyRecord
 from slip_vic_controller.safety.drop_detection import DropDetectionConfig, ObservedMotion
 from slip_vic_controller.safety.effort_limiter import EffortLimiter
 from slip_vic_controller.safety.following import Following
@@ -34,7 +34,6 @@ from slip_vic_controller.safety.hold import Hold, HoldConfig
 from slip_vic_controller.safety.latency import Latency, SlipLatency
 from slip_vic_controller.safety.limit_avoidance import MotionLimits
 from slip_vic_controller.safety.modes import ModePolicy, ModeState
-from slip_vic_controller.safety.reasons import ReasonRecord
 from slip_vic_controller.safety.validation import JointInput, JointLimits, SlipQueue, VectorInput, VectorLimits
 from slip_vic_controller.sizes import MAX_CONTACTS, MAX_JOINTS, Joints
 
@@ -78,7 +77,7 @@ class ControllerConfig(Record):
     wrench: VectorLimits
     slip: VectorLimits
     modes: ModePolicy
-    arbitration: ArbitrationConfig
+    conditions: ConditionsConfig
     drop: DropDetectionConfig
     motion: MotionLimits
     hold: HoldConfig
@@ -152,7 +151,9 @@ class ArmState(Record):
     wrench_of_model: Annotated[Array, (MAX_CONTACTS, 6)]  # N, N m on the axes of each pad
     queue: SlipQueue
     mode: ModeState
-    since: Since
+    conditions: Annotated[Records[Condition], REASONS]
+    joint_bad_ns: Whole  # since when joint states are bad, NEVER = they are not
+    sliding_ns: Whole  # stamp of the first sample of a slip at which the law does not begin
     observed: ObservedMotion
     latency: Latency
     limiter: EffortLimiter
@@ -204,13 +205,13 @@ class Decision(Record):
     step: Whole  # what comes next, see `Step`
     never_seen: Whole  # bits of the inputs that have never been seen
     request: Whole  # for the mode machine
-    level: Whole  # degradation level
-    entered: Whole  # mode before arbitration
+    slows: Whole  # whether the path has to come to rest
+    entered: Whole  # mode before the decision
     freezes: Whole  # whether the joint state is frozen
     reweighed: Whole  # whether a tare has found another weight of the object in this cycle
     works: Whole  # whether the law does, or its last effort is repeated
     cause: Whole  # why the law could not be evaluated
-    fault: ReasonRecord  # for the mode machine
+    why: WhyRecord  # what speaks against the law
     before: ModeState  # before the cycle
 
 

@@ -13,8 +13,8 @@ from slip_vic.cli import cli
 from slip_vic.run.in_process import run_in_process
 from slip_vic.run.launcher import RunResult
 from slip_vic.scenarios.scenario import Law, load_scenario
+from slip_vic_controller.safety.conditions import Reason
 from slip_vic_controller.safety.modes import Mode
-from slip_vic_controller.safety.reasons import Cause
 from slip_vic_controller.session.incidents import UNREACHABLE_S, IncidentWatch
 
 
@@ -48,7 +48,10 @@ def seen(*rows: tuple[float, Mode, int]) -> list[tuple[str, float]]:
     watch, found = IncidentWatch(), []
     for time_s, mode, cause in rows:
         result: Any = SimpleNamespace(
-            mode=mode, reason_key=(int(cause), 0, 0), reason="why", joint=SimpleNamespace(stamp_ns=round(1e9 * time_s))
+            mode=mode,
+            reason_key=(int(cause), 0, 0, 0),
+            reason="why",
+            joint=SimpleNamespace(stamp_ns=round(1e9 * time_s)),
         )
         incident = watch.see(result)
         found += [] if incident is None else [(incident.kind, incident.time_s)]
@@ -57,15 +60,15 @@ def seen(*rows: tuple[float, Mode, int]) -> list[tuple[str, float]]:
 
 def test_each_kind_is_told_once_and_in_the_time_of_the_run() -> None:
     active, careful = Mode.ACTIVE, Mode.DEGRADED
-    assert seen((5.0, active, 0), (6.0, careful, Cause.SATURATED), (7.0, careful, Cause.SATURATED)) == [
+    assert seen((5.0, active, 0), (6.0, careful, Reason.SATURATED), (7.0, careful, Reason.SATURATED)) == [
         ("saturated", 1.0)
     ]
-    assert seen((5.0, Mode.FAULT, Cause.ASKED), (6.0, active, 0), (7.0, Mode.FAULT, Cause.ASKED)) == [("fault", 0.0)]
-    assert seen((0.0, Mode.HOLD, Cause.ASKED), (1.0, careful, Cause.PREDICTED)) == []
+    assert seen((5.0, Mode.FAULT, Reason.ASKED), (6.0, active, 0), (7.0, Mode.FAULT, Reason.ASKED)) == [("fault", 0.0)]
+    assert seen((0.0, Mode.HOLD, Reason.ASKED), (1.0, careful, Reason.SLIP_PREDICTED)) == []
 
 
 def test_a_path_that_waits_for_the_arm_is_unreachable_only_when_it_waits_long() -> None:
-    waits, late = (Mode.DEGRADED, Cause.PATH_WAITS), 1.01 * UNREACHABLE_S
+    waits, late = (Mode.DEGRADED, Reason.PATH_WAITS), 1.01 * UNREACHABLE_S
     assert seen((0.0, *waits), (late, *waits)) == [("unreachable", pytest.approx(late))]
     assert seen((0.0, *waits), (1.0, Mode.ACTIVE, 0), (late, *waits), (1.9 * late, *waits)) == []
 

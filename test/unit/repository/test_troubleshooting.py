@@ -4,21 +4,23 @@ from __future__ import annotations
 
 import ast
 import runpy
+from pathlib import Path
 
-from slip_vic_controller.safety.faults import Fault
-from slip_vic_controller.safety.reasons import Cause
+import pytest
+
+from slip_vic_controller.safety.conditions import Reason
 from test.support.pages import ROOT
 
 TOOL = runpy.run_path(str(ROOT / "tools" / "troubleshooting.py"))
 
 
-def test_the_page_is_that_of_the_sources() -> None:
-    assert TOOL["PAGE"].read_text() == TOOL["page"](), "run: python tools/troubleshooting.py"
+@pytest.mark.parametrize(("path", "text"), TOOL["pages"]().items(), ids=lambda given: getattr(given, "name", ""))
+def test_the_page_is_that_of_the_sources(path: Path, text: str) -> None:
+    assert path.read_text() == text, "run: python tools/troubleshooting.py"
 
 
-def test_every_reason_and_fault_has_what_to_do() -> None:
-    assert set(TOOL["TO_DO"]) == set(Cause) - {Cause.NONE}
-    assert set(TOOL["FAULT_TO_DO"]) == set(Fault) - {Fault.NONE}
+def test_every_reason_has_what_to_do() -> None:
+    assert all(reason.words and reason.to_do for reason in Reason if reason != Reason.NONE)
 
 
 def test_texts_are_taken_from_the_source() -> None:

@@ -15,7 +15,7 @@ from slip_core.types import CartesianReference, JointSample, WrenchSample
 from slip_vic_controller.cycle.cycle import cycle
 from slip_vic_controller.cycle.gains import limit_internal_gain
 from slip_vic_controller.law.bounds import internal_gain_limit
-from slip_vic_controller.safety.faults import Fault
+from slip_vic_controller.safety.conditions import Reason
 from slip_vic_controller.safety.modes import Mode
 from slip_vic_controller.session.cycle_result import CycleResult, Health
 from slip_vic_controller.state import ARM_STATE, CONFIG, OUTPUTS
@@ -105,7 +105,7 @@ def test_wrong_stamps_are_bridged() -> None:
         old = JointSample(good.joint.stamp_ns, POSITION, VELOCITY, np.zeros(N))
         made_up.session.add_joint(old, made_up.now_ns)
         made_up.session.give(old, [WrenchSample(made_up.stamp_ns, LOAD)], [None], [])
-        fault = Fault.OUT_OF_ORDER
+        fault = Reason.OUT_OF_ORDER
         return made_up.session.answer(old, fault, made_up.now_ns, 0, Health(joint=fault))
 
     for passed in range(0, bridge_ns + 1, MS):
@@ -191,7 +191,8 @@ def test_numbers_of_the_ledger() -> None:
     assert result.decision == (*divmod(made_up.now_ns, 10**9), Mode.ACTIVE, 0, 0)
     made_up.session.set_publishers({"wrench": 2}, 1)
     bad = made_up.run(1, slip=np.full(6, NAN))
-    assert Health.from_code(bad.decision[3]) == Health(Fault.NONE, Fault.NONE, Fault.INVALID, Fault.SECOND_PUBLISHER)
+    found = Health(slip=Reason.INVALID, outside=Reason.SECOND_PUBLISHER)
+    assert Health.from_code(bad.decision[3]) == found
     assert bad.decision[2] == Mode.HOLD
     assert bad.cycle == 2
 

@@ -5,9 +5,9 @@ import numpy as np
 from slip_core.records import new, record
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.law.law import EVALUATION
+from slip_vic_controller.safety.conditions import Why, describe
 from slip_vic_controller.safety.following import FAR, FOLLOWING, STUCK_NS, Following, find_what_keeps, stays_far, stuck
 from slip_vic_controller.safety.limit_avoidance import MOTION_LIMITS
-from slip_vic_controller.safety.reasons import Reason, describe
 from slip_vic_controller.sizes import NEVER
 
 N, MS = 3, 1_000_000
@@ -39,7 +39,7 @@ def watch(
 
 
 def words(state: Following) -> str:
-    return describe(Reason(state.cause, state.joint, 0, state.value, state.error), ("a", "b", "c"))
+    return describe(Why(state.cause, 0, 0, state.joint, state.value, state.error, -1, 0.0), ("a", "b", "c"))
 
 
 def test_stuck_joint_is_named() -> None:

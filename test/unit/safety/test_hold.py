@@ -130,7 +130,7 @@ def test_thrown_joint_rests_where_slow() -> None:
 def test_longest_gap() -> None:
     for more_ns, mode in ((0, Mode.ACTIVE), (1, Mode.HOLD)):
         made_up = law_at_work()
-        gap_ns = int(record(made_up.controller.config, CONFIG).arbitration.gap_ns)
+        gap_ns = int(record(made_up.controller.config, CONFIG).conditions.gap_ns)
         assert made_up.past_validation(passed_ns=gap_ns + more_ns).mode is mode
 
 

@@ -9,39 +9,30 @@ import numpy as np
 import pytest
 
 from slip_core.records import new, record
-from slip_vic_controller.safety.faults import Fault, Input
+from slip_vic_controller.safety.conditions import (
+    NOTHING,
+    Prefix,
+    Reason,
+    Severity,
+    Why,
+    because,
+    describe,
+    of_fault,
+    prefixed,
+    put_why,
+    read_why,
+)
 from slip_vic_controller.safety.modes import (
     MODE,
     MODE_POLICY,
-    NOTHING,
     Mode,
     Request,
-    TransitionReasons,
     begin_modes,
     holds_for,
     next_mode,
 )
-from slip_vic_controller.safety.reasons import (
-    Cause,
-    Prefix,
-    Reason,
-    because,
-    describe,
-    of_fault,
-    put_reason,
-    read_reason,
-)
 from slip_vic_controller.sizes import NEVER
 from test.support.call import call
-
-
-class Found(NamedTuple):
-    """What speaks against the law; empty texts where nothing does."""
-
-    missing: str = ""
-    fault: str = ""
-    hold: str = ""
-    degraded: str = ""
 
 
 class Policy(NamedTuple):
@@ -61,24 +52,13 @@ class ModeState(NamedTuple):
 POLICY = Policy(auto_enable=True, auto_resume=True, resume_after_ns=100)
 MANUAL = Policy(auto_enable=False, auto_resume=False, resume_after_ns=100)
 NO_RESUME = Policy(auto_enable=True, auto_resume=False, resume_after_ns=100)
-CODES = {
-    "missing": because(Cause.WAITS, 8),
-    "fault": Reason(Cause.FALLS.value, 0, 0, 0.5, 0.0),
-    "hold": because(Cause.SLIDES, 0),
-    "degraded": because(Cause.PATH_WAITS, 0),
-}
-WORDS = {name: describe(reason, ()) for name, reason in CODES.items()}
-H, F = WORDS["hold"], WORDS["fault"]
-FOUND = tuple(
-    Found(**{name: WORDS[name] for name in names})
-    for names in ((), ("hold",), ("fault",), ("missing",), ("degraded",), tuple(WORDS))
-)
-GOOD, BAD, FAULTY, MISSING, DEGRADED, _ = FOUND
-REASONS = [
-    Reason(code.cause, code.detail, prefix, code.value, code.limit)
-    for code in (*CODES.values(), because(Cause.ASKED, 0), because(Cause.STOPPING, 0), because(Cause.NOT_ENABLED, 0))
-    for prefix in (Prefix.NONE, Prefix.ASKED_AND, Prefix.RESUMES_AFTER, Prefix.AFTER_RESET)
-]
+GOOD, MISSING = NOTHING, because(Reason.WAITS, 8)
+FAULTY = Why(Reason.FALLS.value, 0, 0, 0, 0.5, 0.0, -1, 0.0)
+BAD, DEGRADED = because(Reason.SLIDES, 0), because(Reason.PATH_WAITS, 0)
+FOUND = (GOOD, BAD, FAULTY, MISSING, DEGRADED)
+H, F = describe(BAD, ()), describe(FAULTY, ())
+USERS = tuple(because(reason, 0) for reason in (Reason.ASKED, Reason.STOPPING, Reason.NOT_ENABLED))
+REASONS = [call(prefixed, why, prefix) for why in (*FOUND[1:], *USERS) for prefix in Prefix]
 
 
 class Machine:
@@ -90,25 +70,23 @@ class Machine:
         self.record, self.now_ns = record(self.buffer, MODE), 0
         call(begin_modes, self.policy, self.buffer, 0)
 
-    def put(self, state: ModeState, reason: Reason) -> None:
+    def put(self, state: ModeState, why: Why) -> None:
         self.record.mode, self.record.since_ns, self.record.enabled = state.mode, state.since_ns, state.enabled
         self.record.good_since_ns = NEVER if state.good_since_ns is None else state.good_since_ns
-        put_reason(self.record.reason, reason)
+        put_why(self.record.reason, why)
 
-    def step(self, found: Found, request: Request, now_ns: int) -> ModeState:
-        given = found._asdict().items()
-        reasons = TransitionReasons(**{name: CODES[name] if text else NOTHING for name, text in given})
-        call(next_mode, self.policy, self.buffer, reasons, request, now_ns)
+    def step(self, found: Why, request: Request, now_ns: int) -> ModeState:
+        call(next_mode, self.policy, self.buffer, found, request, now_ns)
         return self.state
 
     @property
     def state(self) -> ModeState:
         r = self.record
         good = None if r.good_since_ns == NEVER else int(r.good_since_ns)
-        return ModeState(Mode(r.mode), describe(read_reason(r.reason), ()), int(r.since_ns), bool(r.enabled), good)
+        return ModeState(Mode(r.mode), describe(read_why(r.reason), ()), int(r.since_ns), bool(r.enabled), good)
 
 
-def run(policy: Policy, *steps: tuple[Found, Request, int]) -> ModeState:
+def run(policy: Policy, *steps: tuple[Why, Request, int]) -> ModeState:
     """Return the state after steps, each some time after the one before."""
     machine, now_ns = Machine(policy), 0
     for found, request, passed in steps:
@@ -127,7 +105,7 @@ ALL = list(
 def test_rules_that_hold_for_every_transition() -> None:
     machines = {policy: Machine(policy) for policy in (POLICY, MANUAL, NO_RESUME)}
     for mode, found, request, enabled, good_since, policy, now, reason in ALL:
-        code = REASONS[reason] if mode != Mode.FAULT else CODES["fault"]  # a fault's reason says nothing before it
+        code = REASONS[reason] if mode != Mode.FAULT else FAULTY  # a fault's reason says nothing before it
         before = ModeState(mode, describe(code, ()), -1, enabled, good_since)
         machine = machines[policy]
         machine.put(before, code)
@@ -135,14 +113,15 @@ def test_rules_that_hold_for_every_transition() -> None:
         case = f"{before} {found} {request} {policy}"
         if mode == Mode.FAULT and request != Request.RESET_FAULT:
             assert after.mode == Mode.FAULT, case
-        failed = bool(found.fault) or request == Request.FAILED
+        severity = Reason(found.reason).severity
+        failed = severity == Severity.FAULT or request == Request.FAILED
         if failed:
             assert after.mode == Mode.FAULT, case
         if after.mode.follows:
             assert found in (GOOD, DEGRADED), case
             assert after.enabled, case
             assert mode != Mode.FAULT, case
-        if found.missing and mode != Mode.FAULT and not failed:
+        if severity == Severity.WAITING_INPUT and mode != Mode.FAULT and not failed:
             assert after.mode == Mode.WAITING_INPUT, case
         if request == Request.HOLD:
             assert not after.mode.follows, case
@@ -184,26 +163,17 @@ def test_reset_leads_to_hold() -> None:
     assert run(POLICY, (FAULTY, Request.NONE, 1), (FAULTY, Request.RESET_FAULT, 1)).mode == Mode.FAULT
 
 
-def test_every_cause_has_words() -> None:
-    for cause in Cause:
-        text = describe(Reason(cause, 1 if cause != Cause.WAITS else 8, 0, 1.0, 1.0), ("a", "b"))
-        assert (text == "") == (cause == Cause.NONE)
-    contacts = [f"{name} of contact {k}" for name in ("wrench", "slip") for k in range(4)]
-    everything = ", ".join(["activation", "a good joint state", "joint_states", *contacts])
-    assert describe(because(Cause.WAITS, 2**11 - 1), ()) == f"waits for {everything}"
-
-
 def test_hold_names_its_input() -> None:
-    frozen, state = of_fault(Cause.INPUT, Input.WRENCH, Fault.FROZEN), record(new(MODE), MODE)
-    for reason, of, fault, holds in (
-        (frozen, Input.WRENCH, Fault.FROZEN, True),
-        (frozen._replace(prefix=Prefix.ASKED_AND), Input.WRENCH, Fault.FROZEN, True),
-        (frozen._replace(prefix=Prefix.RESUMES_AFTER), Input.WRENCH, Fault.FROZEN, False),
-        (frozen._replace(prefix=Prefix.AFTER_RESET), Input.WRENCH, Fault.FROZEN, False),
-        (frozen, Input.JOINT_STATE, Fault.FROZEN, False),
-        (frozen, Input.WRENCH, Fault.SILENT, False),
-        (frozen._replace(cause=Cause.PREDICTED), Input.WRENCH, Fault.FROZEN, False),
-        (NOTHING, Input.WRENCH, Fault.FROZEN, False),
+    frozen, state = of_fault(Reason.WRENCH, Reason.FROZEN), record(new(MODE), MODE)
+    for why, of, fault, holds in (
+        (frozen, Reason.WRENCH, Reason.FROZEN, True),
+        (frozen._replace(prefix=Prefix.ASKED_AND), Reason.WRENCH, Reason.FROZEN, True),
+        (frozen._replace(prefix=Prefix.RESUMES_AFTER), Reason.WRENCH, Reason.FROZEN, False),
+        (frozen._replace(prefix=Prefix.AFTER_RESET), Reason.WRENCH, Reason.FROZEN, False),
+        (frozen, Reason.JOINT_STATE, Reason.FROZEN, False),
+        (frozen, Reason.WRENCH, Reason.SILENT, False),
+        (frozen._replace(reason=Reason.WRENCH_SLOWS), Reason.WRENCH, Reason.FROZEN, False),
+        (NOTHING, Reason.WRENCH, Reason.FROZEN, False),
     ):
-        put_reason(state.reason, reason)
-        assert bool(call(holds_for, state, of, fault)) is holds, reason
+        put_why(state.reason, why)
+        assert bool(call(holds_for, state, of, fault)) is holds, why

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from slip_core.types import JointSample
-from slip_vic_controller.safety.faults import Fault
+from slip_vic_controller.safety.conditions import Reason
 from test.campaigns.faults.plan import BRIDGE, CONTROLLER, JOINT, SLIP, WRENCH, Plan
 from test.campaigns.faults.plan import Fault as Planned
 from test.campaigns.faults.trial import PERIOD_S, STEADY_NS, prepared, run_trial
@@ -36,7 +36,7 @@ class Loop:
     def cycle(self, joint: JointSample) -> np.ndarray:
         """Answer a joint state, advance the bridge, and return the effort."""
         self.controller.add_joint(joint, self.now_ns)
-        self.fault = Fault(self.controller.state.joint.pending_fault)
+        self.fault = Reason(self.controller.state.joint.pending_fault)
         result = self.controller.cycle(self.now_ns)
         assert result is not None
         self.bridge.advance([result.command])

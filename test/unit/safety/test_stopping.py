@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from slip_core.records import record
-from slip_vic_controller.safety.faults import Fault
+from slip_vic_controller.safety.conditions import Reason
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.session.cycle_result import Health
 from slip_vic_controller.session.manifest import Manifest
@@ -136,7 +136,7 @@ def test_silence_leads_to_gravity_compensation() -> None:
         assert wait(made_up, 4 * MS) is None
         assert made_up.session.buffer.tobytes() == before
         assert first.ledger[1:3] == divmod(last.joint.stamp_ns, 10**9)
-        assert Health.from_code(first.decision[3]).joint == Fault.SILENT
+        assert Health.from_code(first.decision[3]).joint == Reason.SILENT
         # A user's wish is not lost on it.
         made_up.session.request(Request.HOLD)
         asked = wait(made_up, 4 * MS)

@@ -13,9 +13,8 @@ from slip_core.arms import prefix_of
 from slip_core.errors import InputError
 from slip_core.types import PoseGoal, SlipSample
 from slip_vic.replay.run_data import LedgerEntry, RecordedRun
-from slip_vic_controller.safety.faults import Fault
+from slip_vic_controller.safety.conditions import Missing, Reason
 from slip_vic_controller.safety.modes import Request
-from slip_vic_controller.safety.reasons import JOINT_STATES
 from slip_vic_controller.session.arm_session import ArmSession
 from slip_vic_controller.session.controller import Controller
 from slip_vic_controller.session.cycle_result import CycleResult, Health
@@ -81,7 +80,7 @@ def _turn(entries: Sequence[LedgerEntry | None]) -> tuple[int, ...]:
     """Return whose cycle is next: of those with the earliest clock, one of the watchdog, or all others together."""
     earliest = min(entry.now_ns for entry in entries if entry is not None)
     now = {k: entry for k, entry in enumerate(entries) if entry is not None and entry.now_ns == earliest}
-    silent = [k for k, entry in now.items() if Health.from_code(entry.health).joint == Fault.SILENT]
+    silent = [k for k, entry in now.items() if Health.from_code(entry.health).joint == Reason.SILENT]
     return tuple(silent[:1] or now)
 
 
@@ -122,14 +121,14 @@ class _Arm:
         together: a cycle of all arms, which finds again whether one holds because of another.
         """
         arm, run, health = self._arm, self.run, Health.from_code(entry.health)
-        if together and health.outside == Fault.OTHER_ARM:
-            health = health._replace(outside=Fault.NONE)
+        if together and health.outside == Reason.OTHER_ARM:
+            health = health._replace(outside=Reason.NONE)
         joint = _find(entry, run.joints, entry.joint_ns, "joint_states")
         arm.add_joint(joint, entry.now_ns)
         used = arm.validated(joint)
         if entry.waits:
             arm.give(used, (), (), ())
-            arm.waiting = joint, int(health.joint), JOINT_STATES, health
+            arm.waiting = joint, int(health.joint), Missing.JOINT_STATES, health
             return
         wrenches, slips = [], []
         if run.params.wrench.source != "none":
@@ -151,7 +150,7 @@ class _Arm:
     def watchdog(self, entry: LedgerEntry) -> CycleResult | None:
         """Run the cycle of the watchdog where the entry is of one: no joint state, so no input takes part."""
         newest = self._arm.newest_joint
-        if Health.from_code(entry.health).joint != Fault.SILENT or not self._arm.begun or newest is None:
+        if Health.from_code(entry.health).joint != Reason.SILENT or not self._arm.begun or newest is None:
             return None
         return self._arm.without_joint_state(newest, entry.now_ns)[0]
 

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from slip_core.compiled import part
 from slip_core.records import Records
-from slip_vic_controller.arm.plausibility import unseen_ns
 from slip_vic_controller.cycle.governing import screen
 from slip_vic_controller.cycle.holding import bridges_gap
 from slip_vic_controller.governor.plan import Governing
 from slip_vic_controller.path.path_scaling import advance, lost_ns
 from slip_vic_controller.path.paths import relative
-from slip_vic_controller.safety.arbitration import Level
-from slip_vic_controller.safety.faults import Fault, Input
-from slip_vic_controller.safety.modes import NOTHING, TransitionReasons, follows, next_mode
-from slip_vic_controller.safety.reasons import Cause, of_fault, read_reason
+from slip_vic_controller.safety.conditions import SEVERITIES, Reason, Severity, of_fault, read_why
+from slip_vic_controller.safety.modes import follows, next_mode
 from slip_vic_controller.sizes import NEVER
 from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs, CycleOutputs, Step, TaskState
 
@@ -41,7 +38,7 @@ def begin_together(task: TaskState, states: Records[ArmState], inputs: Records[C
 def _restarts(state: ArmState, inputs: CycleInputs) -> bool:
     """Return whether the source of an arm's joint states has restarted."""
     fault = inputs.health.joint if inputs.health_given != 0 else state.joint.pending_fault
-    return bool(fault == Fault.RESTARTED)
+    return bool(fault == Reason.RESTARTED)
 
 
 @part
@@ -87,11 +84,12 @@ def hold_with_the_others(config: ControllerConfig, state: ArmState, inputs: Cycl
     decision = outputs.decision
     if decision.works != 0:
         state.mode = decision.before
-        reason = of_fault(Cause.INPUT, Input.ANY, Fault.OTHER_ARM)
-        reasons = TransitionReasons(NOTHING, read_reason(decision.fault), reason, NOTHING)
-        next_mode(config.modes, state.mode, reasons, decision.request, inputs.now_ns)
-        if outputs.health.outside == Fault.NONE:
-            outputs.health.outside = Fault.OTHER_ARM.value
+        why = read_why(decision.why)
+        if SEVERITIES[why.reason] != Severity.FAULT:
+            why = of_fault(Reason.INPUTS.value, Reason.OTHER_ARM.value)
+        next_mode(config.modes, state.mode, why, decision.request, inputs.now_ns)
+        if outputs.health.outside == Reason.NONE:
+            outputs.health.outside = Reason.OTHER_ARM.value
     state.mode.good_since_ns = NEVER
 
 
@@ -102,25 +100,15 @@ def evaluates_law(state: ArmState, outputs: CycleOutputs) -> bool:
 
 
 @part
-def common_path_speed(
-    configs: Records[ControllerConfig], states: Records[ArmState], outputs: Records[CycleOutputs]
-) -> float:
+def common_path_speed(states: Records[ArmState], outputs: Records[CycleOutputs]) -> float:
     """Return how fast the path may be run through for other reasons than friction: as the slowest arm can follow it."""
     speed = states[0].observed.path_speed
     for k in range(len(states)):
         speed = min(speed, states[k].observed.path_speed)
     for k in range(len(states)):
-        if evaluates_law(states[k], outputs[k]) and _stops(configs[k], states[k], outputs[k]):
+        if evaluates_law(states[k], outputs[k]) and outputs[k].decision.slows != 0:
             speed = 0.0
     return float(speed)
-
-
-@part
-def _stops(config: ControllerConfig, state: ArmState, outputs: CycleOutputs) -> bool:
-    """Return whether an arm needs the path to come to rest."""
-    unseen = unseen_ns(config.estimator, state.estimate) > config.arbitration.bridge_ns
-    wrench = state.since.wrench_bad_ns != NEVER
-    return bool(outputs.decision.level == Level.SLOWING or state.since.stopping_ns != NEVER or unseen or wrench)
 
 
 @part

@@ -14,7 +14,7 @@ from slip_vic_controller.governor.grip import start_grip
 from slip_vic_controller.governor.plan import Governing
 from slip_vic_controller.path.goals import rest_at
 from slip_vic_controller.path.paths import Reference
-from slip_vic_controller.safety.arbitration import clear_since
+from slip_vic_controller.safety.conditions import forget_conditions
 from slip_vic_controller.safety.drop_detection import forget
 from slip_vic_controller.safety.modes import begin_modes
 from slip_vic_controller.sizes import MAX_CONTACTS, NEVER
@@ -35,7 +35,8 @@ def begin_cycle(
     if state.begun == 0:
         state.begun, state.now_ns = 1, inputs.now_ns
         begin_modes(config.modes, state.mode, inputs.now_ns)
-        clear_since(state.since)
+        forget_conditions(state.conditions)
+        state.joint_bad_ns, state.sliding_ns = NEVER, -1  # what slides in the very first sample is believed
         _without_slip(state.law)
         forget(state.observed)
         start_tare(state.tare, NEVER)

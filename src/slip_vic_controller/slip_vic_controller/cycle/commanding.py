@@ -16,9 +16,9 @@ from slip_vic_controller.governor.plan import Governing
 from slip_vic_controller.law.law import evaluate, scale_acceleration
 from slip_vic_controller.path.path_scaling import scaled
 from slip_vic_controller.path.paths import carried, put_reference, read_reference, reference_at
+from slip_vic_controller.safety.conditions import Reason
 from slip_vic_controller.safety.drop_detection import observe_motion
 from slip_vic_controller.safety.following import find_what_keeps, stays_far
-from slip_vic_controller.safety.reasons import Cause
 from slip_vic_controller.safety.validation import all_finite
 from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs, CycleOutputs, TaskState
 
@@ -31,7 +31,7 @@ def follow(
     sample, n = state.joint.answers, config.law.joints
     dt_ns = max(sample.stamp_ns - state.law.stamp_ns, 0)
     cause = command(config, task, state, inputs, outputs, lead)
-    if cause != Cause.NONE:
+    if cause != Reason.NONE:
         hold_without_law(config, task, state, inputs, outputs, cause)
         return
     keep_law(config, state, inputs, outputs)
@@ -46,10 +46,10 @@ def follow(
 def command(
     config: ControllerConfig, task: TaskState, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, lead: bool
 ) -> int:
-    """Evaluate the law on what `sense` has found; return why it could not be, Cause.NONE where it could."""
+    """Evaluate the law on what `sense` has found; return why it could not be, Reason.NONE where it could."""
     law, sample = state.law, state.joint.answers
     if not _reference(config, task, state, outputs, lead):
-        return Cause.BAD_REFERENCE.value
+        return Reason.BAD_REFERENCE.value
     evaluate(config.law, inputs.arm, sample, law, outputs)
     if config.governor.mode != Governing.OFF and outputs.law.ok != 0:
         factor = guard(config, task, state, inputs.arm, outputs, held(config, state, outputs.gains))
@@ -58,7 +58,7 @@ def command(
     else:
         state.pad.commanded = commanded_load(config, state, inputs.arm, outputs)
     outputs.evaluated = outputs.law.ok
-    return Cause.NONE.value if outputs.law.ok != 0 else Cause.NO_TORQUE.value
+    return Reason.NONE.value if outputs.law.ok != 0 else Reason.NO_TORQUE.value
 
 
 @part

@@ -54,10 +54,9 @@ from slip_vic_controller.cycle.sensing import sense_all
 from slip_vic_controller.cycle.taring import all_at_rest
 from slip_vic_controller.governor.plan import Governing
 from slip_vic_controller.law.symbols import SYMBOLS, no_symbols, symbols
+from slip_vic_controller.safety.conditions import Reason, of_fault, read_why, same_words
 from slip_vic_controller.safety.effort_limiter import go_on
-from slip_vic_controller.safety.faults import Fault, Input
-from slip_vic_controller.safety.modes import NOTHING, TransitionReasons, follows, next_mode
-from slip_vic_controller.safety.reasons import Cause, of_fault
+from slip_vic_controller.safety.modes import follows, next_mode
 from slip_vic_controller.sizes import MAX_JOINTS
 from slip_vic_controller.state import ARM_SIZE, ARM_STATE, CONFIG, INPUTS, INPUTS_SIZE, OUTPUTS, TASK_SIZE, TASK_STATE
 
@@ -90,7 +89,7 @@ def cycle(config_buffer: Array, state_buffer: Array, exchange: Array) -> int:
     for k in range(n):
         if inputs[k].present != 0:
             prepare(configs[k], task, states[k], inputs[k], outputs[k], k == 0)
-    path_speed = common_path_speed(configs, states, outputs)
+    path_speed = common_path_speed(states, outputs)
     if evaluates_law(states[0], outputs[0]):
         advance_path(configs[0], task, states[0], path_speed)
     sense_all(configs, task, states, history, inputs, outputs)
@@ -138,12 +137,12 @@ def watchdog(config_buffer: Array, state_buffer: Array, exchange: Array, arm: in
     n = config.law.joints
     inputs.present, inputs.now_ns, inputs.request = 1, now_ns, request
     begin_cycle(config, task, state, inputs, outputs, state.law.stamp_ns, arm == 0)
-    outputs.health.joint = Fault.SILENT.value
-    mode, since, enabled, cause = state.mode.mode, state.mode.good_since_ns, state.mode.enabled, state.mode.reason.cause
-    prefix, detail = state.mode.reason.prefix, state.mode.reason.detail
+    outputs.health.joint = Reason.SILENT.value
+    mode, since, enabled = state.mode.mode, state.mode.good_since_ns, state.mode.enabled
+    before = read_why(state.mode.reason)
     effort, velocity = state.limiter.effort.copy(), state.motion.velocity.copy()
-    reasons = TransitionReasons(NOTHING, NOTHING, of_fault(Cause.INPUT, Input.JOINT_STATE, Fault.SILENT), NOTHING)
-    next_mode(config.modes, state.mode, reasons, inputs.request, inputs.now_ns)
+    silent = of_fault(Reason.JOINT_STATE.value, Reason.SILENT.value)
+    next_mode(config.modes, state.mode, silent, inputs.request, inputs.now_ns)
     task.path.scale, task.path.rate, state.hold.known = 0.0, 0.0, 0
     outputs.wanted[:n] = state.law.gravity[:n]
     if state.limiter.started != 0:
@@ -157,8 +156,7 @@ def watchdog(config_buffer: Array, state_buffer: Array, exchange: Array, arm: in
         first = record(state_buffer[TASK_SIZE : TASK_SIZE + ARM_SIZE], ARM_STATE)
         screen(configs[0], task, first, False)
     same_mode = state.mode.mode == mode and state.mode.good_since_ns == since and state.mode.enabled == enabled
-    same_mode = same_mode and state.mode.reason.cause == cause and state.mode.reason.prefix == prefix
-    same = same_mode and state.mode.reason.detail == detail
+    same = same_mode and same_words(before, read_why(state.mode.reason))
     for j in range(n):
         same = same and state.limiter.effort[j] == effort[j] and state.motion.velocity[j] == velocity[j]
     return (ANSWERED if outputs.answered != 0 else 0) | (0 if same else CHANGED)

@@ -7,33 +7,24 @@ from slip_vic_controller.arm.disturbance import DISTURBED, most_disturbed
 from slip_vic_controller.arm.joint_estimate import clear_findings
 from slip_vic_controller.arm.tare import is_unchecked
 from slip_vic_controller.cycle.beginning import begin_cycle, begin_law
+from slip_vic_controller.cycle.judging import judge, slows
 from slip_vic_controller.cycle.ledger import put_time
 from slip_vic_controller.cycle.taring import AtRest, tare
 from slip_vic_controller.cycle.wrench import model_wrench, overloaded_joint, shows_loss
-from slip_vic_controller.safety.arbitration import arbitrate
-from slip_vic_controller.safety.faults import Fault, Input
-from slip_vic_controller.safety.latency import forget_latency, measure_latency
-from slip_vic_controller.safety.modes import (
+from slip_vic_controller.safety.conditions import (
     NOTHING,
-    Mode,
-    Request,
-    TransitionReasons,
-    follows,
-    holds_for,
-    next_mode,
+    Missing,
+    Reason,
+    Why,
+    because,
+    of_fault,
+    passed_ns,
+    put_why,
+    read_why,
     since_when,
 )
-from slip_vic_controller.safety.reasons import (
-    FIRST_WRENCH,
-    GOOD_JOINT_STATE,
-    Cause,
-    Reason,
-    because,
-    disturbed,
-    of_fault,
-    put_reason,
-    read_reason,
-)
+from slip_vic_controller.safety.latency import forget_latency, measure_latency
+from slip_vic_controller.safety.modes import Mode, Request, follows, holds_for, next_mode
 from slip_vic_controller.safety.validation import fine, forget_repeats, frozen, usable, vector_validity
 from slip_vic_controller.sizes import MAX_CONTACTS, NEVER
 from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs, CycleOutputs, Step, TaskState
@@ -62,29 +53,29 @@ def decide_mode(
     fault = inputs.health.joint if inputs.health_given != 0 else state.joint.pending_fault
     state.joint.pending = 0
     begin_cycle(config, task, state, inputs, outputs, state.joint.answers.stamp_ns, lead)
-    if fault == Fault.RESTARTED and state.law.known != 0:
+    if fault == Reason.RESTARTED and state.law.known != 0:
         # Everything starts again; the limiter continues from the last command, where that is recent: the joints feel it
         state.law.known = 0
-        _wait(config, state, inputs, of_fault(Cause.INPUT, Input.JOINT_STATE, fault), state.limiter.started)
+        _wait(config, state, inputs, of_fault(Reason.JOINTS_RESTARTED.value, fault), state.limiter.started)
     if config.cycle.models_wrench != 0:
         _count_wrench_as_good(config, state, inputs)
     decision.never_seen = _never_seen(config, state)
     missing = inputs.missing | decision.never_seen
     if state.law.known == 0 and not usable(fault):
-        missing |= GOOD_JOINT_STATE
+        missing |= Missing.GOOD_JOINT_STATE.value
     if missing != 0:
-        _wait(config, state, inputs, because(Cause.WAITS, missing), 0)
+        _wait(config, state, inputs, because(Reason.WAITS.value, missing), 0)
         return
     _classify_inputs(config, state, inputs, outputs, fault, alone)
     state.wrench_modelled = 0
     if config.cycle.models_wrench != 0 or (not fine(outputs.health.wrench) and state.law.known != 0):
         model_wrench(config, task, state, inputs)
-    if state.wrench_modelled != 0 and outputs.health.wrench == Fault.FROZEN and shows_loss(config, state, inputs):
+    if state.wrench_modelled != 0 and outputs.health.wrench == Reason.FROZEN and shows_loss(config, state, inputs):
         state.wrench_modelled = 0  # what reads the same is right then
     if state.law.known == 0:
         begin_law(config, task, state, inputs, outputs, lead)
         heavy = _too_heavy(config, state, inputs)
-        if heavy.cause != Cause.NONE:
+        if heavy.reason != Reason.NONE:
             state.law.known = 0
             _wait(config, state, inputs, heavy, 0)
             return
@@ -94,17 +85,17 @@ def decide_mode(
 
 
 @part
-def _too_heavy(config: ControllerConfig, state: ArmState, inputs: CycleInputs) -> Reason:
+def _too_heavy(config: ControllerConfig, state: ArmState, inputs: CycleInputs) -> Why:
     """Return why the arm cannot be held where it is, NOTHING where it can.
 
     No drive can either, so the arm sinks until its lever is short enough: to begin there is for a user to say.
     """
     joint, torque = overloaded_joint(config, state, inputs)
     if joint >= 0:
-        return Reason(Cause.TOO_HEAVY.value, joint, 0, torque, config.law.effort_limit[joint])
+        return Why(Reason.TOO_HEAVY.value, 0, 0, joint, torque, config.law.effort_limit[joint], -1, 0.0)
     asked = inputs.request == Request.ENABLE or inputs.request == Request.RESET_FAULT
-    refused = state.mode.mode == Mode.WAITING_INPUT and state.mode.reason.cause == Cause.TOO_HEAVY
-    return read_reason(state.mode.reason) if refused and not asked else NOTHING
+    refused = state.mode.mode == Mode.WAITING_INPUT and state.mode.reason.reason == Reason.TOO_HEAVY
+    return read_why(state.mode.reason) if refused and not asked else NOTHING
 
 
 @part
@@ -113,17 +104,16 @@ def _never_seen(config: ControllerConfig, state: ArmState) -> int:
     bits = 0
     for k in range(config.law.contacts):
         if state.wrench_inputs[k].seen == 0:
-            bits |= FIRST_WRENCH << k
-        if config.arbitration.slip_needed != 0 and state.slip_inputs[k].seen == 0:
-            bits |= FIRST_WRENCH << (MAX_CONTACTS + k)
+            bits |= Missing.WRENCH.value << k
+        if config.conditions.slip_needed != 0 and state.slip_inputs[k].seen == 0:
+            bits |= Missing.WRENCH.value << (MAX_CONTACTS + k)
     return bits
 
 
 @part
-def _wait(config: ControllerConfig, state: ArmState, inputs: CycleInputs, missing: Reason, keep_limiter: int) -> None:
+def _wait(config: ControllerConfig, state: ArmState, inputs: CycleInputs, missing: Why, keep_limiter: int) -> None:
     """Give no effort. Without a command the arm may move, so HOLD restarts from the pose found then."""
-    reasons = TransitionReasons(missing, NOTHING, NOTHING, NOTHING)
-    next_mode(config.modes, state.mode, reasons, inputs.request, inputs.now_ns)
+    next_mode(config.modes, state.mode, missing, inputs.request, inputs.now_ns)
     state.limiter.started, state.now_ns, state.hold.known = keep_limiter, inputs.now_ns, 0
     state.hold.load_error[:] = 0.0
     state.estimate.started, state.tare.watched = 0, 0
@@ -150,8 +140,8 @@ def _classify_inputs(
     """
     stamp_ns = state.joint.answers.stamp_ns
     # What is frozen stays so while the path comes to rest, and in the HOLD after it.
-    moves = state.joint.moves != 0 or holds_for(state.mode, Input.WRENCH, Fault.FROZEN)
-    moves = moves or state.since.wrench_bad_ns != NEVER
+    moves = state.joint.moves != 0 or holds_for(state.mode, Reason.WRENCH.value, Reason.FROZEN.value)
+    moves = moves or state.conditions[Reason.WRENCH_SLOWS].since_ns != NEVER
     if inputs.health_given == 0:
         health = outputs.health
         health.joint, health.wrench, health.slip, health.outside = fault, 0, 0, state.outside
@@ -160,7 +150,7 @@ def _classify_inputs(
             slip = vector_validity(config.slip, state.slip_inputs[k], inputs.now_ns, stamp_ns, moves)
             health.wrench, health.slip = max(health.wrench, wrench), max(health.slip, slip)
     if alone:
-        outputs.health.outside = Fault.OTHER_ARM.value
+        outputs.health.outside = Reason.OTHER_ARM.value
     for k in range(config.law.contacts):
         put_time(outputs.ledger, 3 + 4 * k, state.wrench_inputs[k].stamp_ns)
         put_time(outputs.ledger, 5 + 4 * k, state.slip_inputs[k].stamp_ns)
@@ -177,8 +167,8 @@ def _decide(
 ) -> None:
     """Find what speaks against the law, and go to the mode of this cycle."""
     sample, fault, now_ns, decision = state.joint.answers, outputs.health.joint, inputs.now_ns, outputs.decision
-    bad = not (usable(fault) or fault == Fault.NOT_RUN)
-    state.since.joint_bad_ns = since_when(state.since.joint_bad_ns, bad, now_ns)
+    bad = not (usable(fault) or fault == Reason.NOT_RUN)
+    state.joint_bad_ns = since_when(state.joint_bad_ns, bad, now_ns)
     if bad and inputs.arm.M[0, 0] == 0.0:  # the model does not know where the arm is either
         decision.step, decision.entered = Step.BRIDGE.value, state.mode.mode
         return
@@ -195,39 +185,38 @@ def _decide(
     reweighed = config.tare.duration_ns > 0 and not bad and tare(config, state, inputs, together)
     decision.reweighed = 1 if reweighed else 0
     freezes = frozen(config.joint, state.joint, now_ns)
-    n, contacts = config.law.joints, config.law.contacts
-    q, qd = sample.position, sample.velocity
-    reasons, level = arbitrate(config, task, state, outputs.health, freezes, n, contacts, q, qd, now_ns)
-    if reasons.fault.cause == Cause.JOINT_TOO_FAST or reasons.fault.cause == Cause.FALLS:
-        said = _with_disturbance(config, state, inputs, reasons.fault)
-        reasons = TransitionReasons(reasons.missing, said, reasons.hold, reasons.degraded)
+    why = judge(config, task, state, outputs.health, freezes, now_ns)
+    if why.reason == Reason.JOINT_TOO_FAST or why.reason == Reason.FALLS:
+        why = _with_disturbance(config, state, inputs, why)
     decision.entered = state.mode.mode
-    next_mode(config.modes, state.mode, reasons, request, now_ns)
-    decision.step, decision.request, decision.level = Step.ANSWER.value, request, level
-    decision.freezes = 1 if freezes else 0
-    put_reason(decision.fault, reasons.fault)
+    next_mode(config.modes, state.mode, why, request, now_ns)
+    decision.step, decision.request, decision.freezes = Step.ANSWER.value, request, 1 if freezes else 0
+    decision.slows = 1 if slows(config, state, now_ns) else 0
+    put_why(decision.why, why)
 
 
 @part
 def _rest_before_hold(config: ControllerConfig, state: ArmState, request: int, now_ns: int) -> int:
     """Let a user's HOLD begin when the path has come to rest: a sudden stop throws a weakly gripped object."""
     stays = request == Request.ENABLE or request == Request.RESET_FAULT or request == Request.FAILED
+    stopping = state.conditions[Reason.STOPPING]
     if stays or not follows(state.mode.mode):
-        stopping = state.since.stopping_ns != NEVER
-        state.since.stopping_ns = NEVER
+        asked = stopping.since_ns != NEVER
+        stopping.since_ns = NEVER
         # An input that stopped the law on the way to rest does not take the user's wish away.
-        return request if stays or not stopping else Request.HOLD.value
-    if request == Request.HOLD and state.since.stopping_ns == NEVER:
-        state.since.stopping_ns = now_ns
-        return Request.NONE.value
-    if state.since.stopping_ns != NEVER and now_ns - state.since.stopping_ns >= config.arbitration.slow_down_ns:
-        state.since.stopping_ns = NEVER
+        return request if stays or not asked else Request.HOLD.value
+    if request == Request.HOLD and stopping.since_ns == NEVER:
+        stopping.since_ns = now_ns
+    elif passed_ns(stopping, now_ns) >= config.conditions.slow_down_ns:
+        stopping.since_ns = NEVER
         return Request.HOLD.value
     return Request.NONE.value  # a second request does not stop the path more suddenly
 
 
 @part
-def _with_disturbance(config: ControllerConfig, state: ArmState, inputs: CycleInputs, fault: Reason) -> Reason:
+def _with_disturbance(config: ControllerConfig, state: ArmState, inputs: CycleInputs, why: Why) -> Why:
     """Return a fault with the largest disturbance of a joint, where there is one: it may be behind it."""
     joint, torque = most_disturbed(config.estimator, state.estimate, inputs.arm.M, config.law.effort_limit)
-    return disturbed(fault, joint, torque) if abs(torque) > DISTURBED * config.law.effort_limit[joint] else fault
+    if abs(torque) <= DISTURBED * config.law.effort_limit[joint]:
+        return why
+    return Why(why.reason, why.fault, why.prefix, why.which, why.value, why.limit, joint, abs(torque))

@@ -19,9 +19,10 @@ from slip_vic_controller.arm.disturbance import oppose_disturbance
 from slip_vic_controller.arm.estimator import remember_input
 from slip_vic_controller.arm.joint_estimate import Finding, find, publish_joints
 from slip_vic_controller.cycle.wrench import put_own_wrench
+from slip_vic_controller.safety.conditions import Reason, because, see
 from slip_vic_controller.safety.effort_limiter import limit_effort, needs_restart, start_limiter
 from slip_vic_controller.safety.limit_avoidance import avoid_limits
-from slip_vic_controller.safety.modes import follows, since_when
+from slip_vic_controller.safety.modes import follows
 from slip_vic_controller.sizes import MAX_JOINTS
 from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs, CycleOutputs
 
@@ -80,7 +81,7 @@ def finish(
             outputs.command[j] = outputs.effort[j]
         outputs.saturated[j] = 1 if clipped[j] != 0 or (law_at_work and outputs.law.saturated[j] != 0) else 0
         saturated += outputs.saturated[j]
-    state.since.saturated_ns = since_when(state.since.saturated_ns, saturated != 0, now_ns)
+    see(state.conditions, because(Reason.SATURATED.value, 0), saturated != 0, now_ns)
     state.now_ns = now_ns
     outputs.answered = 1
     outputs.ok = 1 if law_at_work and finite else 0

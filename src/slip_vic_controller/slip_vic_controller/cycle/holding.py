@@ -15,12 +15,11 @@ from slip_vic_controller.cycle.governing import forget_friction, rest_after_hold
 from slip_vic_controller.cycle.wrench import arm_of_load, own_wrench
 from slip_vic_controller.governor.plan import Governing
 from slip_vic_controller.law.contact import pad_rotation
+from slip_vic_controller.safety.conditions import Reason, because, of_fault
 from slip_vic_controller.safety.drop_detection import forget
 from slip_vic_controller.safety.effort_limiter import needs_restart
-from slip_vic_controller.safety.faults import Fault, Input
 from slip_vic_controller.safety.hold import begin_posture, carry_load, hold_effort, keep_posture, update_load_error
-from slip_vic_controller.safety.modes import NOTHING, Mode, Request, TransitionReasons, follows, holds_for, next_mode
-from slip_vic_controller.safety.reasons import Cause, because, of_fault
+from slip_vic_controller.safety.modes import Mode, Request, follows, holds_for, next_mode
 from slip_vic_controller.safety.validation import all_finite, fine, stays_away
 from slip_vic_controller.sizes import MAX_JOINTS, NEVER
 from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs, CycleOutputs, Step, TaskState
@@ -43,7 +42,7 @@ def prepare(
             gains_now(state, state.joint.answers.stamp_ns, outputs)
             forget_friction(config, task, state, inputs.arm, outputs.gains, lead)
         frozen_s = 1e-9 * (inputs.now_ns - state.joint.equal_since_ns)
-        blind = frozen_s > BLIND_S and holds_for(state.mode, Input.JOINT_STATE, Fault.FROZEN)
+        blind = frozen_s > BLIND_S and holds_for(state.mode, Reason.JOINT_STATE.value, Reason.FROZEN.value)
         if blind or is_blind(config.estimator, state.estimate):
             leave_to_drives(config, state, inputs)
         else:
@@ -74,7 +73,7 @@ def hold(
     """Keep the posture in which HOLD began; what the wrench has shown of the load stays until the law begins."""
     law, sample = state.law, state.joint.answers
     # After a pause something else has held the arm.
-    if state.hold.known == 0 or inputs.now_ns - state.now_ns > config.arbitration.gap_ns:
+    if state.hold.known == 0 or inputs.now_ns - state.now_ns > config.conditions.gap_ns:
         begin_posture(config.hold, state.hold, sample)
     dt_ns = max(sample.stamp_ns - law.stamp_ns, 0)
     friction, limit = config.estimator.friction, config.motion.velocity
@@ -86,14 +85,14 @@ def hold(
         update_load_error(config.hold, state.hold, inputs.arm, r, measured, dt_ns * 1e-9)
     late_s = state.latency.most_ns * 1e-9
     hold_effort(config.hold, state.hold, inputs.arm, sample, pad, r, late_s, outputs.wanted)
-    if not (state.mode.reason.cause == Cause.FALLS and state.mode.reason.prefix == 0):
+    if not (state.mode.reason.reason == Reason.FALLS and state.mode.reason.prefix == 0):
         carry_load(config.hold, state.hold, inputs.arm, r, outputs.wanted)
     if lead:
         task.start_ns += dt_ns
     keep_joints(config, state, inputs)
     task.path.scale, task.path.rate = 0.0, 0.0
     forget(state.observed)
-    state.since.saturated_ns, state.following.since_ns = NEVER, NEVER
+    state.conditions[Reason.SATURATED].since_ns, state.following.since_ns = NEVER, NEVER
     finish(config, state, inputs, outputs, sample.position, sample.velocity, sample.effort, False)
 
 
@@ -113,8 +112,7 @@ def _bridge(
         outputs.wanted[:n] = state.limiter.effort[:n] - state.estimate.taken_off[:n]
     else:
         outputs.wanted[:n] = state.law.gravity[:n]
-        reasons = TransitionReasons(NOTHING, NOTHING, of_fault(Cause.INPUT, Input.JOINT_STATE, fault), NOTHING)
-        next_mode(config.modes, state.mode, reasons, inputs.request, now_ns)
+        next_mode(config.modes, state.mode, of_fault(Reason.JOINT_STATE.value, fault), inputs.request, now_ns)
         task.path.scale, task.path.rate, state.hold.known = 0.0, 0.0, 0
         if is_blind(config.estimator, state.estimate):
             leave_to_drives(config, state, inputs)
@@ -122,7 +120,7 @@ def _bridge(
     # A jump of the positions leaves the efforts believable, unless another publisher sends joint states too: after a
     # pause the limiter starts at what the joints feel. Where nothing tells that, the drives go on as in the pause.
     rest, measured = np.zeros(MAX_JOINTS), np.zeros(MAX_JOINTS)
-    if fault == Fault.JUMP and outputs.health.outside != Fault.SECOND_PUBLISHER:
+    if fault == Reason.JUMP and outputs.health.outside != Reason.SECOND_PUBLISHER:
         measured[:] = state.joint.answers.effort
     elif needs_restart(config.motion.drive, state.limiter, now_ns):
         leave_to_drives(config, state, inputs)
@@ -133,8 +131,8 @@ def _bridge(
 @part
 def bridges_gap(config: ControllerConfig, state: ArmState, now_ns: int) -> bool:
     """Return whether a gap of good joint states is bridged: shortly, and not after a pause of the controller."""
-    ran = now_ns - state.now_ns <= config.arbitration.gap_ns
-    return ran and state.limiter.started != 0 and now_ns - state.since.joint_bad_ns <= config.arbitration.bridge_ns
+    ran = now_ns - state.now_ns <= config.conditions.gap_ns
+    return ran and state.limiter.started != 0 and now_ns - state.joint_bad_ns <= config.conditions.bridge_ns
 
 
 @part
@@ -156,7 +154,7 @@ def keep_joints(config: ControllerConfig, state: ArmState, inputs: CycleInputs) 
     law.position[:n] = sample.position[:n]
     if all_finite(inputs.arm.gravity[:n]):
         law.gravity[:n] = inputs.arm.gravity[:n]
-    if config.hold.carriers > 1 and state.mode.reason.cause != Cause.FALLS:
+    if config.hold.carriers > 1 and state.mode.reason.reason != Reason.FALLS:
         r = arm_of_load(config, state, pad_rotation(config.law.contact[0], law.slips[0]))
         carry_load(config.hold, state.hold, inputs.arm, r, law.gravity)
 
@@ -171,9 +169,8 @@ def hold_without_law(
     for j in range(n):
         torque = law.gravity[j] - JOINT_DAMPING * sample.velocity[j]
         outputs.wanted[j] = min(max(torque, -config.law.effort_limit[j]), config.law.effort_limit[j])
-    reasons = TransitionReasons(NOTHING, NOTHING, because(cause, 0), NOTHING)
-    next_mode(config.modes, state.mode, reasons, Request.NONE.value, inputs.now_ns)
-    if cause == Cause.BAD_REFERENCE or cause == Cause.NO_TORQUE:
+    next_mode(config.modes, state.mode, because(cause, 0), Request.NONE.value, inputs.now_ns)
+    if cause == Reason.BAD_REFERENCE or cause == Reason.NO_TORQUE:
         task.forgets = 1
     task.path.scale, task.path.rate = 0.0, 0.0
     begin_posture(config.hold, state.hold, sample)

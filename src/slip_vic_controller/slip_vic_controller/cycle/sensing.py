@@ -25,10 +25,10 @@ from slip_vic_controller.law.contact import integrate_slips, slip_velocity
 from slip_vic_controller.law.extensions import beyond_dead_band, judge_compensation, slip_speed
 from slip_vic_controller.law.law import predict_motion
 from slip_vic_controller.law.symbols import SlipEstimate
-from slip_vic_controller.safety.arbitration import Level
+from slip_vic_controller.safety.conditions import Reason
 from slip_vic_controller.safety.latency import measure_slip_latency
-from slip_vic_controller.safety.reasons import Cause
 from slip_vic_controller.safety.validation import fine
+from slip_vic_controller.sizes import NEVER
 from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs, CycleOutputs, TaskState
 
 
@@ -46,10 +46,10 @@ def sense_all(
     rows = history.shape[0] // n
     for k in range(n):
         if evaluates_law(states[k], outputs[k]):
-            level, own = outputs[k].decision.level, history[k * rows : (k + 1) * rows]
-            unknown = level == Level.OBSERVED or level == Level.SLOWING
+            own = history[k * rows : (k + 1) * rows]
+            unknown = states[k].conditions[Reason.SLIP_PREDICTED].since_ns != NEVER
             cause = sense(configs[k], task, states[k], own, inputs[k], outputs[k], unknown)
-            outputs[k].decision.cause, failed = cause, failed or cause != Cause.NONE
+            outputs[k].decision.cause, failed = cause, failed or cause != Reason.NONE
     if failed:
         for k in range(n):
             if evaluates_law(states[k], outputs[k]):
@@ -61,7 +61,7 @@ def _hold_unsensed(
     config: ControllerConfig, task: TaskState, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, lead: bool
 ) -> None:
     """Hold an arm because it, or another one, could not sense."""
-    if outputs.decision.cause != Cause.NONE:
+    if outputs.decision.cause != Reason.NONE:
         hold_without_law(config, task, state, inputs, outputs, outputs.decision.cause)
     else:
         hold_with_the_others(config, state, inputs, outputs)
@@ -78,14 +78,14 @@ def sense(
     outputs: CycleOutputs,
     slip_unknown: bool,
 ) -> int:
-    """Find slip, gains and load of an arm in this cycle; return why it could not be, Cause.NONE where it could.
+    """Find slip, gains and load of an arm in this cycle; return why it could not be, Reason.NONE where it could.
 
     slip_unknown: there is no slip sample; an observer continues with the model alone.
     """
     law, sample, samples, contact = state.law, state.joint.answers, outputs.samples, state.pad.contact
     dt = (sample.stamp_ns - law.stamp_ns) * 1e-9
     if dt < 0.0:
-        return Cause.OLD_JOINT_STATE.value
+        return Reason.OLD_JOINT_STATE.value
     slip_unknown = slip_unknown or contact.slip_health >= Health.X_INVERTED
     for k in range(config.law.contacts):
         if state.wrench_modelled != 0:
@@ -107,24 +107,24 @@ def sense(
     put_spatial(motion.v_ee, spatial(inputs.arm.twist))
     if config.cycle.has_observer != 0:
         if not predict_motion(config.law, outputs.gains, inputs.arm, samples, law.slips, observer.twist, motion):
-            return Cause.NO_ESTIMATE.value
+            return Reason.NO_ESTIMATE.value
         if config.estimator.on != 0:
             pad_variances(config.estimator, inputs.arm, motion)
     if config.estimator.on != 0 and config.command.interface != Interface.EFFORT:
         put_twist_now(config, state, inputs, motion.v_ee)
     if config.cycle.has_observer != 0:
         if not observe(config.observer, observer, history, motion, sample.stamp_ns, queue.samples, queue.count):
-            return Cause.NO_ESTIMATE.value
+            return Reason.NO_ESTIMATE.value
         _put_estimate(observer, outputs.estimate)
         outputs.follow_error[:] = observer.error
     else:
         adapt_slip_gain(config, state, outputs)
     if outputs.gains.gains.kappa != 0.0:
         limit_internal_gain(config, state, outputs)
-    if config.governor.mode != Governing.OFF or config.arbitration.slip_needed != 0:
+    if config.governor.mode != Governing.OFF or config.conditions.slip_needed != 0:
         estimate_contact(config, task, state, outputs, slip_unknown, dt)
     _slip_for_law(config, state, inputs, outputs, dt)
-    return Cause.NONE.value
+    return Reason.NONE.value
 
 
 @part

@@ -59,7 +59,7 @@ def tare(config: ControllerConfig, state: ArmState, inputs: CycleInputs, togethe
         tare.watched = 0
     if tare.done == 0 and state.mode.mode == Mode.HOLD:
         n, stamp_ns, wrench = config.law.joints, state.joint.answers.stamp_ns, state.wrench_inputs[0]
-        paused = inputs.now_ns - state.now_ns > config.arbitration.gap_ns  # something else may have moved the arm
+        paused = inputs.now_ns - state.now_ns > config.conditions.gap_ns  # something else may have moved the arm
         if tare.watched == 0 or paused:
             tare.watched, tare.watched_from[:] = 1, state.joint.answers.position
         six, (beyond, expected) = np.zeros(6), _wrench_at_rest(config, state, inputs, together)

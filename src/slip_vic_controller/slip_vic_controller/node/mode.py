@@ -109,7 +109,7 @@ class ModeInterface:
         self._last = now
         name = f"{self._node.get_fully_qualified_name().removeprefix('/')}: mode"
         text = reason or mode.name
-        self._status.publish(stamp_ns, name, LEVELS[mode], text, self._values(mode))
+        self._status.publish(stamp_ns, name, LEVELS[mode], text, self._values(result))
 
     def _log(self, mode: Mode, line: str) -> None:
         """Write a change of mode to the ROS log; another reason for the same mode is on the topic alone."""
@@ -122,11 +122,8 @@ class ModeInterface:
         else:
             log.error(line)
 
-    def _values(self, mode: Mode) -> dict[str, object]:
-        values: dict[str, object] = {"mode": mode.name}
-        for name, (period_s, jitter_s) in self._arm.rates().items():
-            values[f"{name} period_ms"] = f"{1e3 * period_s:.3f}"
-            values[f"{name} jitter_ms"] = f"{1e3 * jitter_s:.3f}"
+    def _values(self, result: CycleResult) -> dict[str, object]:
+        values = {"mode": result.mode.name, **result.reason_fields}
         refused = {f"{name} refused": count for name, count in self._refusals.counts.items()}
         return values | self._arm.counts() | refused
 

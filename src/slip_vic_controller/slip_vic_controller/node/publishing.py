@@ -6,6 +6,7 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from slip_core.timing import ERROR, OK, WARN
 from slip_core.topics import WORLD
 from slip_msgs_py.fast_io import Sender, create_sender
 from slip_msgs_py.messages import forms, to_msgs
@@ -19,7 +20,6 @@ from slip_vic_controller.session.cycle_result import CycleResult
 DIAGNOSTICS_PERIOD_NS = 1_000_000_000
 LAW_PHASE, MODE_PHASE, TIMING_PHASE = 0.0, 0.25, 0.5
 """When in a second each status is published."""
-OK, WARN, ERROR = 0, 1, 2
 
 
 class StatusPublisher:

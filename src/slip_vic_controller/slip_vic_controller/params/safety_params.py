@@ -122,18 +122,6 @@ class SafetyParams(ParameterModel):
     resume_after_s: float = parameter(
         0.1, "how long inputs must be good before the controller returns from HOLD by itself", unit="s", ge=0.0
     )
-    resume_slip_linear: float = parameter(
-        0.05,
-        "linear slip speed above which the law does not start: the object must come to rest in HOLD first",
-        unit="m/s",
-        gt=0.0,
-    )
-    resume_slip_angular: float = parameter(
-        1.0,
-        "angular slip speed above which the law does not start: the object must come to rest in HOLD first",
-        unit="rad/s",
-        gt=0.0,
-    )
     limits: LimitParams = Field(default_factory=LimitParams)
     inputs: InputParams = Field(default_factory=InputParams)
     fallback: FallbackParams = Field(default_factory=FallbackParams)

@@ -10,8 +10,8 @@ from slip_core.records import Real, Record, Whole, dtype_of
 from slip_core.vectors import vec
 from slip_vic_controller.law.arm import Arm
 from slip_vic_controller.law.law import Evaluation
+from slip_vic_controller.safety.conditions import Reason
 from slip_vic_controller.safety.limit_avoidance import RangeEnds, pushed_joint
-from slip_vic_controller.safety.reasons import Cause
 from slip_vic_controller.sizes import NEVER
 
 FAR, FAR_TURNED = 0.01, 0.05
@@ -32,8 +32,8 @@ class Following(Record):
     since_ns: Whole  # NEVER = it does not
     cause: Whole  # NOT_FOLLOWING or RANGE_END; NOT_TURNING or RANGE_END_TURNED where only its attitude is far
     joint: Whole  # that keeps it there
-    value: Real  # of that joint; unit: see Cause
-    error: Real  # largest distance from the reference since then; unit: see Cause
+    value: Real  # of that joint; unit: see Reason
+    error: Real  # largest distance from the reference since then; unit: see Reason
 
 
 FOLLOWING = dtype_of(Following)
@@ -42,7 +42,7 @@ FOLLOWING = dtype_of(Following)
 @part
 def stuck(state: Following, now_ns: int) -> bool:
     """Return whether the arm has not followed for long."""
-    at_end = state.cause == Cause.RANGE_END or state.cause == Cause.RANGE_END_TURNED
+    at_end = state.cause == Reason.RANGE_END or state.cause == Reason.RANGE_END_TURNED
     prevented = at_end or abs(state.value) > LEAST_TORQUE
     return bool(state.since_ns != NEVER and prevented and now_ns - state.since_ns > STUCK_NS)
 
@@ -92,7 +92,7 @@ def find_what_keeps(
         commanded: velocities that drives with loops of their own are commanded; (n,) [rad/s], of others zeros.
     """
     away, most = law.error_linear > FAR, -1.0
-    state.cause = Cause.NOT_FOLLOWING.value if away else Cause.NOT_TURNING.value
+    state.cause = Reason.NOT_FOLLOWING.value if away else Reason.NOT_TURNING.value
     for j in range(n):
         torque = effort[j] - arm.bias[j]
         for i in range(6):
@@ -102,5 +102,5 @@ def find_what_keeps(
             most, state.joint, state.value = against, j, torque
     pushed = pushed_joint(limits, n, q)
     if pushed >= 0:
-        state.cause = Cause.RANGE_END.value if away else Cause.RANGE_END_TURNED.value
+        state.cause = Reason.RANGE_END.value if away else Reason.RANGE_END_TURNED.value
         state.joint, state.value = pushed, q[pushed]

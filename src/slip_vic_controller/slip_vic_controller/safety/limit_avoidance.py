@@ -14,8 +14,6 @@ from slip_core.records import Real, Record, dtype_of
 from slip_core.vectors import ZERO, Spatial, Vec, spatial
 from slip_vic_controller.law.arm import Arm
 from slip_vic_controller.safety.effort_limiter import NS, EffortLimits
-from slip_vic_controller.safety.modes import NOTHING
-from slip_vic_controller.safety.reasons import Cause, Reason
 from slip_vic_controller.sizes import MAX_JOINTS, Joints
 
 BRAKED_FROM = 0.75
@@ -163,20 +161,9 @@ def avoid_limits(limits: MotionLimits, n: int, q: Array, qd: Array, arm: Arm, br
 
 
 @part
-def too_fast(limits: MotionLimits, n: int, qd: Array, pad: Spatial) -> Reason:
-    """Return which speed is beyond what braking should have allowed, NOTHING where none is.
-
-    Args:
-        limits: of the arm.
-        n: number of joints.
-        qd: (n,) [rad/s].
-        pad: twist of the pad when the law was last at work.
-    """
+def fast_joint(limits: MotionLimits, n: int, qd: Array) -> int:
+    """Return the first joint that is faster than braking should have allowed, -1 where none is; qd: (n,) [rad/s]."""
     for j in range(n):
         if abs(qd[j]) > limits.trip[j]:
-            return Reason(Cause.JOINT_TOO_FAST.value, j, 0, abs(qd[j]), limits.velocity[j])
-    if pad.linear.norm() > TRIP * limits.speed_linear:
-        return Reason(Cause.PAD_TOO_FAST.value, 0, 0, pad.linear.norm(), limits.speed_linear)
-    if pad.angular.norm() > TRIP * limits.speed_angular:
-        return Reason(Cause.PAD_TURNS_TOO_FAST.value, 0, 0, pad.angular.norm(), limits.speed_angular)
-    return NOTHING
+            return j
+    return -1

@@ -10,20 +10,22 @@ FAULT          as HOLD, until a user resets it
 from __future__ import annotations
 
 from enum import IntEnum, unique
-from typing import NamedTuple
 
 from slip_core.compiled import part
 from slip_core.records import Record, Whole, dtype_of
-from slip_vic_controller.safety.reasons import (
-    Cause,
+from slip_vic_controller.safety.conditions import (
+    NOTHING,
+    SEVERITIES,
     Prefix,
     Reason,
-    ReasonRecord,
+    Severity,
+    Why,
+    WhyRecord,
     because,
-    of_fault,
     prefixed,
-    put_reason,
-    read_reason,
+    put_why,
+    read_why,
+    since_when,
 )
 from slip_vic_controller.sizes import NEVER
 
@@ -74,24 +76,10 @@ class ModeState(Record):
     since_ns: Whole  # when it was entered
     enabled: Whole  # whether the law is wanted
     good_since_ns: Whole  # since when nothing speaks against the law, NEVER = something does
-    reason: ReasonRecord
+    reason: WhyRecord
 
 
 MODE = dtype_of(ModeState)
-
-NOTHING = Reason(0, 0, 0, 0.0, 0.0)
-
-
-class TransitionReasons(NamedTuple):
-    """What speaks against the law in a cycle, NOTHING where nothing does.
-
-    missing: no effort can be given; fault: latch; hold: no law now; degraded: law with a fallback.
-    """
-
-    missing: Reason
-    fault: Reason
-    hold: Reason
-    degraded: Reason
 
 
 @part
@@ -101,22 +89,13 @@ def follows(mode: int) -> bool:
 
 
 @part
-def since_when(since_ns: int, so: bool, now_ns: int) -> int:
-    """Return since when something is so [ns], NEVER where it is not; since_ns: since when it was so until now."""
-    if not so:
-        return NEVER
-    return now_ns if since_ns == NEVER else since_ns
-
-
-@part
-def holds_for(state: ModeState, of: int, fault: int) -> bool:
-    """Return whether a fault of an input is why the law does not work.
+def holds_for(state: ModeState, reason: int, fault: int) -> bool:
+    """Return whether a fault of an input is why the law does not work; reason: the row of the input.
 
     A sensor that is frozen shows it while the arm moves only, so it stays frozen until it reads something else.
     """
-    reason, wanted = state.reason, of_fault(Cause.INPUT, of, fault)
-    over = reason.prefix & (Prefix.RESUMES_AFTER | Prefix.AFTER_RESET)
-    return bool(not over and reason.cause == wanted.cause and reason.detail == wanted.detail)
+    over = state.reason.prefix & (Prefix.RESUMES_AFTER | Prefix.AFTER_RESET)
+    return bool(not over and state.reason.reason == reason and state.reason.fault == fault)
 
 
 @part
@@ -124,75 +103,69 @@ def begin_modes(policy: ModePolicy, state: ModeState, now_ns: int) -> None:
     """Begin: no effort before every input was seen and is plausible."""
     state.mode, state.since_ns = Mode.WAITING_INPUT, now_ns
     state.enabled, state.good_since_ns = policy.auto_enable, NEVER
-    put_reason(state.reason, because(Cause.NO_INPUT_YET, 0))
+    put_why(state.reason, because(Reason.NO_INPUT_YET.value, 0))
 
 
 @part
-def next_mode(policy: ModePolicy, state: ModeState, reasons: TransitionReasons, request: int, now_ns: int) -> None:
-    """Go to the mode of this cycle.
+def next_mode(policy: ModePolicy, state: ModeState, why: Why, request: int, now_ns: int) -> None:
+    """Go to the mode of this cycle; why: what speaks against the law, NOTHING where nothing does.
 
-    A fault wins over all, and latches; a request to hold wins over one to continue; what inputs caused ends with its
-    cause, what a user or a fault caused ends by a user.
+    A fault latches; a request to hold wins over one to continue; what inputs caused ends with its cause, what a user or
+    a fault caused ends by a user.
     """
-    missing, hold = reasons.missing.cause != Cause.NONE, reasons.hold.cause != Cause.NONE
-    reason = read_reason(state.reason)
+    severity, before = SEVERITIES[why.reason], read_why(state.reason)
+    stops = severity == Severity.WAITING_INPUT or severity == Severity.HOLD
     enabled = request == Request.ENABLE or (state.enabled != 0 and request != Request.HOLD)
-    good_since = since_when(state.good_since_ns, not missing and not hold, now_ns)
+    good_since = since_when(state.good_since_ns, not stops, now_ns)
     if state.mode == Mode.FAULT and request != Request.RESET_FAULT:
         state.enabled, state.good_since_ns = 0, good_since
-    elif request == Request.FAILED:
-        _go(state, Mode.FAULT, because(Cause.INTERNAL.value, 0), now_ns, False, good_since)
-    elif reasons.fault.cause != Cause.NONE:
-        _go(state, Mode.FAULT, reasons.fault, now_ns, False, good_since)
+        return
+    if request == Request.FAILED or severity == Severity.FAULT:
+        if request == Request.FAILED:
+            why = because(Reason.INTERNAL.value, 0)
+        _go(state, Mode.FAULT, why, now_ns, False, good_since)
+        return
+    if state.mode == Mode.FAULT:
+        before = prefixed(before, Prefix.AFTER_RESET.value)
+        state.mode, state.since_ns = Mode.HOLD, now_ns
+        enabled = False
+    if severity == Severity.WAITING_INPUT:
+        _go(state, Mode.WAITING_INPUT, why, now_ns, enabled, NEVER)
+    elif severity == Severity.HOLD:
+        resumes = policy.auto_resume != 0 or not follows(state.mode)
+        if request == Request.HOLD or (_asked(before) and not enabled):
+            why = prefixed(why, Prefix.ASKED_AND.value)
+        _go(state, Mode.HOLD, why, now_ns, enabled and resumes, NEVER)
+    elif not enabled:
+        if request == Request.HOLD or _asked(before):
+            before = because(Reason.ASKED.value, 0)
+        elif state.mode != Mode.HOLD:
+            before = because(Reason.NOT_ENABLED.value, 0)
+        _go(state, Mode.HOLD, before, now_ns, False, good_since)
+    elif (
+        state.mode == Mode.HOLD
+        and request != Request.ENABLE
+        and (good_since == NEVER or now_ns - good_since < policy.resume_after_ns)
+    ):
+        _go(state, Mode.HOLD, prefixed(before, Prefix.RESUMES_AFTER.value), now_ns, True, good_since)
+    elif severity == Severity.DEGRADED:
+        _go(state, Mode.DEGRADED, why, now_ns, True, good_since)
     else:
-        if state.mode == Mode.FAULT:
-            reason = prefixed(reason, Prefix.AFTER_RESET.value)
-            state.mode, state.since_ns = Mode.HOLD, now_ns
-            enabled = False
-        if missing:
-            _go(state, Mode.WAITING_INPUT, reasons.missing, now_ns, enabled, NEVER)
-        elif hold:
-            _hold_for_cause(policy, state, reason, reasons.hold, request, enabled, now_ns)
-        elif not enabled:
-            if request == Request.HOLD or _asked(reason):
-                reason = because(Cause.ASKED, 0)
-            elif state.mode != Mode.HOLD:
-                reason = because(Cause.NOT_ENABLED, 0)
-            _go(state, Mode.HOLD, reason, now_ns, False, good_since)
-        elif (
-            state.mode == Mode.HOLD
-            and request != Request.ENABLE
-            and (good_since == NEVER or now_ns - good_since < policy.resume_after_ns)
-        ):
-            reason = prefixed(reason, Prefix.RESUMES_AFTER.value)
-            _go(state, Mode.HOLD, reason, now_ns, True, good_since)
-        elif reasons.degraded.cause != Cause.NONE:
-            _go(state, Mode.DEGRADED, reasons.degraded, now_ns, True, good_since)
-        else:
-            _go(state, Mode.ACTIVE, NOTHING, now_ns, True, good_since)
+        _go(state, Mode.ACTIVE, NOTHING, now_ns, True, good_since)
 
 
 @part
-def _hold_for_cause(
-    policy: ModePolicy, state: ModeState, before: Reason, cause: Reason, request: int, enabled: bool, now_ns: int
-) -> None:
-    resumes = policy.auto_resume != 0 or not follows(state.mode)
-    if request == Request.HOLD or (_asked(before) and not enabled):
-        cause = prefixed(cause, Prefix.ASKED_AND.value)
-    _go(state, Mode.HOLD, cause, now_ns, enabled and resumes, NEVER)
-
-
-@part
-def _asked(reason: Reason) -> bool:
+def _asked(why: Why) -> bool:
     """Return whether a user's wish to hold is what the reason begins with."""
-    if reason.prefix & (Prefix.RESUMES_AFTER | Prefix.AFTER_RESET):
+    if why.prefix & (Prefix.RESUMES_AFTER | Prefix.AFTER_RESET):
         return False
-    return bool(reason.prefix & Prefix.ASKED_AND != 0 or reason.cause == Cause.ASKED or reason.cause == Cause.STOPPING)
+    asked = why.prefix & Prefix.ASKED_AND != 0
+    return bool(asked or why.reason == Reason.ASKED or why.reason == Reason.STOPPING)
 
 
 @part
-def _go(state: ModeState, mode: int, reason: Reason, now_ns: int, enabled: bool, good_since_ns: int) -> None:
+def _go(state: ModeState, mode: int, why: Why, now_ns: int, enabled: bool, good_since_ns: int) -> None:
     if state.mode != mode:
         state.since_ns = now_ns
     state.mode, state.enabled, state.good_since_ns = 0 + mode, 1 if enabled else 0, good_since_ns
-    put_reason(state.reason, reason)
+    put_why(state.reason, why)

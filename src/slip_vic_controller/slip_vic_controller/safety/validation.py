@@ -9,14 +9,12 @@ from __future__ import annotations
 import math
 from typing import Annotated
 
-import numpy as np
-
 from slip_core.arrays import Array
 from slip_core.cholesky import LARGEST
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Records, Vec6, Whole, WholeArray, dtype_of
 from slip_vic_controller.law.contact import StampedSlip
-from slip_vic_controller.safety.faults import FAULTS, Fault
+from slip_vic_controller.safety.conditions import SAMPLE_FAULTS, Reason
 from slip_vic_controller.sizes import MAX_FRESH, Joints, WholeJoints
 
 ACCEPT_AFTER = 5
@@ -26,27 +24,13 @@ FUTURE_S, CLOCK_JUMP_S = 0.05, 0.2
 JUMP, SLACK, FASTEST = 0.05, 0.5, 50.0
 """Of joint states: step of a position beyond what twice the velocities explain [rad], distance beyond a joint's stop
 [rad] and multiple of its velocity limit at which one is rejected."""
-TINY = float(np.finfo(np.float64).tiny)
 ARM_MOVES = 0.02
 """[rad/s]"""
-_NOT_FINITE, _ABSURD, _DENORMAL, _JUMP, _MOVES, _SAME = 1, 2, 4, 8, 16, 32
-"""What the numbers of a sample show; _SAME: equal to the last bit to the sample before."""
 _LONGEST_COAST_S = 0.1  # for which a velocity explains a change of position
 SPIKE, SPIKE_POSITION, ACCELERATES = 0.3, 5e-3, 100.0
 """Change of a joint velocity [rad/s], and way of a joint beyond that of its velocity [rad], in one sample, which
 are none; beyond what a joint accelerates [rad/s^2]."""
-_WEIGHT = 0.02  # of a new period in the mean
 _TWICE = 2  # stamps in a row that are ahead of the joint state's: one alone is the sample's own fault
-
-
-class Rate(Record):
-    """Rate statistics of an input."""
-
-    known: Whole
-    last_ns: Whole  # arrival of the last sample
-    periods: Whole  # how many were seen
-    period_s: Real  # s; mean
-    jitter_s: Real  # s; mean deviation from it
 
 
 class VectorLimits(Record):
@@ -73,10 +57,9 @@ class VectorInput(Record):
     invalid: Whole  # whether the sensor reports it now
     ahead: Whole  # stamps in a row that are ahead of the joint state's
     zeros: Whole  # samples in a row that are zero
-    refused: Whole  # Fault of the last one that was not finite or absurd
+    refused: Whole  # Reason of the last one that was not finite or absurd
     refused_ns: Whole  # its arrival
-    rate: Rate
-    counts: Annotated[WholeArray, FAULTS]  # how often each Fault was seen
+    counts: Annotated[WholeArray, SAMPLE_FAULTS]  # how often each Reason was seen
 
 
 class SlipQueue(Record):
@@ -132,29 +115,27 @@ class JointInput(Record):
     without: Whole  # whether joint states have come without velocities from the first one on
     moves: Whole  # whether a joint moves
     pending: Whole  # whether a cycle has to answer `answers`
-    pending_fault: Whole  # its Fault
-    skipped: Whole  # how many were not answered because a newer one came
+    pending_fault: Whole  # its Reason
     answers: JointRecord  # the one that the next cycle answers
-    rate: Rate
-    counts: Annotated[WholeArray, FAULTS]  # how often each Fault was seen
+    counts: Annotated[WholeArray, SAMPLE_FAULTS]  # how often each Reason was seen
 
 
 @part
 def usable(fault: int) -> bool:
     """Return whether a sample with this fault is used."""
-    return bool(fault == Fault.NONE or fault == Fault.DENORMAL or fault == Fault.RESTARTED)
+    return bool(fault == Reason.NONE or fault == Reason.RESTARTED)
 
 
 @part
 def fine(fault: int) -> bool:
     """Return whether an input with this fault counts as good."""
-    return bool(fault == Fault.NONE or fault == Fault.DENORMAL)
+    return bool(fault == Reason.NONE)
 
 
 @part
 def unanswered(fault: int) -> bool:
     """Return whether a joint state with this fault is dropped in real time."""
-    return bool(fault == Fault.OUT_OF_ORDER or fault == Fault.DUPLICATE or fault == Fault.CLOCK_JUMP)
+    return bool(fault == Reason.OUT_OF_ORDER or fault == Reason.DUPLICATE or fault == Reason.CLOCK_JUMP)
 
 
 @part
@@ -167,29 +148,11 @@ def all_finite(values: Array) -> bool:
 
 
 @part
-def _count_period(rate: Rate, now_ns: int) -> None:
-    """Take an arrival into the rate statistics."""
-    if rate.known != 0:
-        period = (now_ns - rate.last_ns) * 1e-9
-        change = period - rate.period_s
-        if rate.periods == 0:
-            rate.period_s, change = period, 0.0
-        rate.periods += 1
-        rate.jitter_s += _WEIGHT * (abs(change) - rate.jitter_s)
-        rate.period_s += _WEIGHT * change
-    rate.known, rate.last_ns = 1, now_ns
-
-
-@part
-def _kind(values: Array) -> int:
-    """Return _NOT_FINITE, _DENORMAL or 0."""
-    found = 0
-    for x in values:
+def _finite(values: Array) -> bool:
+    for x in values:  # noqa: SIM110 - compiled code has no generators
         if not math.isfinite(x):
-            return _NOT_FINITE
-        if x != 0.0 and abs(x) < TINY:
-            found = _DENORMAL
-    return found
+            return False
+    return True
 
 
 @part
@@ -210,19 +173,18 @@ def classify_vector(
 ) -> int:  # fmt: skip
     """Return the fault of a wrench or slip velocity (6,)."""
     if state.known != 0 and stamp_ns <= state.stamp_ns:
-        return Fault.DUPLICATE.value if stamp_ns == state.stamp_ns else Fault.OUT_OF_ORDER.value
+        return Reason.DUPLICATE.value if stamp_ns == state.stamp_ns else Reason.OUT_OF_ORDER.value
     if joint.known != 0 and stamp_ns > joint.last.stamp_ns + limits.future_ns:
-        return Fault.FUTURE.value
+        return Reason.FUTURE.value
     if not valid:
-        return Fault.INVALID.value
-    kind = _kind(values)
-    if kind == _NOT_FINITE:
-        return Fault.NOT_FINITE.value
+        return Reason.INVALID.value
+    if not _finite(values):
+        return Reason.NOT_FINITE.value
     linear = math.sqrt(values[0] * values[0] + values[1] * values[1] + values[2] * values[2])
     angular = math.sqrt(values[3] * values[3] + values[4] * values[4] + values[5] * values[5])
     if linear > limits.linear or angular > limits.angular:
-        return Fault.ABSURD.value
-    return Fault.DENORMAL.value if kind == _DENORMAL else Fault.NONE.value
+        return Reason.ABSURD.value
+    return Reason.NONE.value
 
 
 @part
@@ -241,24 +203,23 @@ def receive_vector(
         now_ns: arrival.
         joint: state of the joint state's input.
     """
-    fault = Fault.REFUSED.value if refused else classify_vector(limits, state, stamp_ns, values, valid, joint)
+    fault = Reason.REFUSED.value if refused else classify_vector(limits, state, stamp_ns, values, valid, joint)
     if limits.zero_after != 0 and fine(fault):
         state.zeros = 0 if values.any() else state.zeros + 1
         if state.zeros >= limits.zero_after:
-            fault = Fault.INVALID.value
-    state.ahead = state.ahead + 1 if fault == Fault.FUTURE else 0
+            fault = Reason.INVALID.value
+    state.ahead = state.ahead + 1 if fault == Reason.FUTURE else 0
     if fine(fault):
         if state.known == 0 or not _same(values, state.values):
             state.equal_since_ns = stamp_ns
         state.seen, state.known, state.stamp_ns, state.arrival_ns = 1, 1, stamp_ns, now_ns
         state.values[:] = values
-        _count_period(state.rate, now_ns)
-    elif fault == Fault.NOT_FINITE or fault == Fault.ABSURD:
+    elif fault == Reason.NOT_FINITE or fault == Reason.ABSURD:
         state.refused, state.refused_ns = fault, now_ns
-    if fault == Fault.NONE:
+    if fault == Reason.NONE:
         state.invalid = 0
     else:
-        if fault == Fault.INVALID:
+        if fault == Reason.INVALID:
             state.invalid = 1
         state.counts[fault] += 1
     return int(fault)
@@ -281,36 +242,36 @@ def rebase_vector(limits: VectorLimits, state: VectorInput, joint_stamp_ns: int)
     """Take the joint state's new clock: a sample ahead of it belongs to the old one."""
     if state.known != 0 and state.stamp_ns > joint_stamp_ns + limits.future_ns:
         state.known, state.arrival_ns, state.equal_since_ns, state.invalid, state.ahead = 0, 0, 0, 0, 0
-        state.refused, state.refused_ns = Fault.SILENT.value, 0
+        state.refused, state.refused_ns = Reason.SILENT.value, 0
 
 
 @part
 def vector_validity(limits: VectorLimits, state: VectorInput, now_ns: int, joint_stamp_ns: int, arm_moves: bool) -> int:
     """Return why the newest good sample does not count in a cycle."""
     if state.known == 0:
-        return Fault.NEVER_SEEN.value
+        return Reason.NEVER_SEEN.value
     if state.invalid != 0:
-        return Fault.INVALID.value
+        return Reason.INVALID.value
     if state.ahead >= _TWICE or state.stamp_ns > joint_stamp_ns + limits.future_ns:
         # Two clocks that differ, or joint states that were long on their way: not to wait for the age limit.
-        return Fault.FUTURE.value
+        return Reason.FUTURE.value
     if now_ns - state.arrival_ns > limits.age_ns:
         # Silent is only who says nothing: "absurdly large" tells a user of an object that has been lost.
         recent = state.refused != 0 and now_ns - state.refused_ns <= limits.age_ns
-        return state.refused if recent else Fault.SILENT.value
+        return state.refused if recent else Reason.SILENT.value
     if joint_stamp_ns - state.stamp_ns > limits.age_ns:
-        return Fault.STALE.value
+        return Reason.STALE.value
     if state.stamp_ns - state.equal_since_ns > limits.frozen_ns:
         stays = state.values.any() if limits.zero_is_normal != 0 else arm_moves
         if stays:
-            return Fault.FROZEN.value
-    return Fault.NONE.value
+            return Reason.FROZEN.value
+    return Reason.NONE.value
 
 
 @part
 def stays_away(fault: int) -> bool:
     """Return whether a fault of `vector_validity` is one of arrival: no good sample comes any more."""
-    return bool(fault == Fault.SILENT or fault == Fault.NOT_FINITE or fault == Fault.ABSURD)
+    return bool(fault == Reason.SILENT or fault == Reason.NOT_FINITE or fault == Reason.ABSURD)
 
 
 # -- joint state --------------------------------------------------------------------------------------
@@ -326,25 +287,34 @@ def _copy_sample(to: JointRecord, stamp_ns: int, q: Array, qd: Array, effort: Ar
 
 
 @part
-def _numbers(limits: JointLimits, q: Array, qd: Array, before: JointRecord, follows: bool, coast_s: float) -> int:
+def _shows(limits: JointLimits, q: Array, qd: Array, before: JointRecord, follows: bool, coast_s: float) -> int:
     """Return what the numbers of a joint state (n,), (n,) show; `before` is looked at where it `follows` one."""
-    found = _kind(q) | _kind(qd)
-    if found & _NOT_FINITE:
-        return _NOT_FINITE
-    n, fastest = q.shape[0], 0.0
-    for j in range(n):
+    if not (_finite(q) and _finite(qd)):
+        return Reason.NOT_FINITE.value
+    found = Reason.NONE.value
+    for j in range(q.shape[0]):
         speed = abs(qd[j])
-        fastest = max(fastest, speed)
         if not (limits.lower[j] <= q[j] <= limits.upper[j] and speed <= limits.fastest[j]):
-            found |= _ABSURD
+            return Reason.ABSURD.value
         if follows and abs(q[j] - before.position[j]) > limits.jump + coast_s * max(speed, abs(before.velocity[j])):
-            found |= _JUMP
-        if speed > ARM_MOVES:
-            found |= _MOVES
-    sticks = limits.still > 0.0 and fastest <= limits.still
-    if follows and not sticks and _same(q, before.position[:n]) and _same(qd, before.velocity[:n]):
-        found |= _SAME
+            found = Reason.JUMP.value
     return found
+
+
+@part
+def _fastest(qd: Array) -> float:
+    speed = 0.0
+    for x in qd:
+        speed = max(speed, abs(x))
+    return speed
+
+
+@part
+def _repeats(limits: JointLimits, q: Array, qd: Array, before: JointRecord) -> bool:
+    """Return whether a joint state says the same as the one before, though its joints are not read in steps."""
+    n = q.shape[0]
+    sticks = limits.still > 0.0 and _fastest(qd) <= limits.still
+    return not sticks and _same(q, before.position[:n]) and _same(qd, before.velocity[:n])
 
 
 @part
@@ -352,32 +322,24 @@ def _clock_fault(limits: JointLimits, passed_ns: int, waited_ns: int) -> int:
     """Return how a stamp does not follow another one, while `waited_ns` passed on the steady clock."""
     if passed_ns <= 0:
         if passed_ns <= -limits.clock_jump_ns:
-            return Fault.CLOCK_JUMP.value
-        return Fault.OUT_OF_ORDER.value if passed_ns < 0 else Fault.DUPLICATE.value
-    return Fault.CLOCK_JUMP.value if passed_ns - waited_ns > limits.clock_jump_ns else Fault.NONE.value
+            return Reason.CLOCK_JUMP.value
+        return Reason.OUT_OF_ORDER.value if passed_ns < 0 else Reason.DUPLICATE.value
+    return Reason.CLOCK_JUMP.value if passed_ns - waited_ns > limits.clock_jump_ns else Reason.NONE.value
 
 
 @part
 def classify_joints(
     limits: JointLimits, stamp_ns: int, q: Array, qd: Array, now_ns: int, before: JointRecord, before_ns: int,
     follows: bool,
-) -> tuple[int, int]:  # fmt: skip
-    """Return what is wrong with a joint state in itself, or as one that follows another; and what its numbers show."""
-    fault, coast_s = Fault.NONE.value, 0.0
+) -> int:  # fmt: skip
+    """Return what is wrong with a joint state in itself, or as one that follows another."""
+    fault, coast_s = Reason.NONE.value, 0.0
     if follows:
         passed = stamp_ns - before.stamp_ns
         coast_s = 2.0 * min(passed * 1e-9, _LONGEST_COAST_S)
         fault = _clock_fault(limits, passed, now_ns - before_ns)
-    found = _numbers(limits, q, qd, before, follows, coast_s)
-    if found & _NOT_FINITE:
-        return Fault.NOT_FINITE.value, found
-    if found & _ABSURD:
-        return Fault.ABSURD.value, found
-    if fault == Fault.NONE and found & _JUMP:
-        return Fault.JUMP.value, found
-    if fault == Fault.NONE and found & _DENORMAL:
-        return Fault.DENORMAL.value, found
-    return fault, found
+    shows = _shows(limits, q, qd, before, follows, coast_s)
+    return shows if fault == Reason.NONE or (shows != Reason.NONE and shows != Reason.JUMP) else fault
 
 
 @part
@@ -460,43 +422,43 @@ def receive_joints(
         blind: whether the last ones showed nothing, so that the model had the arm.
     """
     if refused:
-        state.counts[Fault.REFUSED] += 1
-        return Fault.REFUSED.value
+        state.counts[Reason.REFUSED] += 1
+        return Reason.REFUSED.value
     follows = state.known != 0
     state.without = 1 if (state.without != 0 or not follows) and not_sent(qd) else 0
     if state.without != 0:
         qd[:] = state.last.velocity[: qd.shape[0]]
-    fault, found = classify_joints(limits, stamp_ns, q, qd, now_ns, state.last, state.arrival_ns, follows)
-    if fault == Fault.JUMP and one_source and now_ns - state.arrival_ns > limits.age_ns:
+    fault = classify_joints(limits, stamp_ns, q, qd, now_ns, state.last, state.arrival_ns, follows)
+    moves, repeats = _fastest(qd) > ARM_MOVES, follows and _repeats(limits, q, qd, state.last)
+    if fault == Reason.JUMP and one_source and now_ns - state.arrival_ns > limits.age_ns:
         # Nobody has seen where the arm went in the meantime: efforts for the old posture would kick it.
-        fault = Fault.RESTARTED.value
-    if fault == Fault.CLOCK_JUMP or fault == Fault.JUMP:
+        fault = Reason.RESTARTED.value
+    if fault == Reason.CLOCK_JUMP or fault == Reason.JUMP:
         again = fault
         if state.candidate_known != 0:
-            again, _ = classify_joints(limits, stamp_ns, q, qd, now_ns, state.candidate, state.candidate_ns, True)
-        if again != Fault.DUPLICATE and again != Fault.OUT_OF_ORDER:  # twice or late: neither agrees
+            again = classify_joints(limits, stamp_ns, q, qd, now_ns, state.candidate, state.candidate_ns, True)
+        if again != Reason.DUPLICATE and again != Reason.OUT_OF_ORDER:  # twice or late: neither agrees
             state.agreeing = state.agreeing + 1 if fine(again) else 1
             state.candidate_known, state.candidate_ns = 1, now_ns
             _copy_sample(state.candidate, stamp_ns, q, qd, effort)
         if state.agreeing >= limits.accept_after:
-            fault = Fault.RESTARTED.value
-    if fault != Fault.NONE:
+            fault = Reason.RESTARTED.value
+    if fault != Reason.NONE:
         state.counts[fault] += 1
     if usable(fault):
-        goes_on = follows and fault != Fault.RESTARTED
+        goes_on = follows and fault != Reason.RESTARTED
         replace_spikes(state, stamp_ns, q, qd, goes_on, blind)
         if state.without != 0 and goes_on:
             derive_velocities(limits, state, stamp_ns, q, qd)
         elif state.without != 0:
             qd[:] = 0.0
-        if not found & _SAME:
+        if not repeats:
             state.equal_since_ns = now_ns
         if not goes_on or not _same(q, state.last.position[: q.shape[0]]):
             state.stands_since_ns = stamp_ns
-        state.moves = 1 if found & _MOVES else 0
+        state.moves = 1 if moves else 0
         _copy_sample(state.last, stamp_ns, q, qd, effort)
         state.known, state.arrival_ns, state.candidate_known, state.agreeing = 1, now_ns, 0, 0
-        _count_period(state.rate, now_ns)
     return fault
 
 
@@ -517,10 +479,8 @@ def take_replaced(state: JointInput, stamp_ns: int, q: Array, qd: Array, now_ns:
 @part
 def await_answer(state: JointInput, stamp_ns: int, q: Array, qd: Array, effort: Array, fault: int) -> None:
     """Let the next cycle answer this joint state; one that was not answered yet is skipped, the newest wins."""
-    if state.pending != 0:
-        state.skipped += 1
-        if state.pending_fault == Fault.RESTARTED and usable(fault):
-            fault = Fault.RESTARTED.value
+    if state.pending != 0 and state.pending_fault == Reason.RESTARTED and usable(fault):
+        fault = Reason.RESTARTED.value
     _copy_sample(state.answers, stamp_ns, q, qd, effort)
     state.pending, state.pending_fault = 1, fault
 
@@ -542,8 +502,3 @@ def forget_repeats(wrenches: Records[VectorInput]) -> None:
     """Count from now on for how long values have been equal: a user says that they are right."""
     for k in range(len(wrenches)):
         wrenches[k].equal_since_ns = wrenches[k].stamp_ns
-
-
-def mean_period_s(rate: Rate) -> float:
-    """Return the mean period of an input [s], NaN before there is one."""
-    return float(rate.period_s) if rate.periods else math.nan

@@ -18,10 +18,9 @@ from slip_vic_controller.contact.layouts import ROW_SIZE
 from slip_vic_controller.contact.slip_displacement import SlipFromDisplacement
 from slip_vic_controller.law.gains import LAW_GAINS, RAMP, make_ramp, sample_gains
 from slip_vic_controller.params.controller_params import ControllerParams
-from slip_vic_controller.safety.faults import Fault
+from slip_vic_controller.safety.conditions import SAMPLE_FAULTS, Missing, Reason, describe
 from slip_vic_controller.safety.modes import Mode, Request
-from slip_vic_controller.safety.reasons import ACTIVATION, describe
-from slip_vic_controller.safety.validation import JointInput, JointRecord, VectorInput, mean_period_s, unanswered
+from slip_vic_controller.safety.validation import JointInput, JointRecord, VectorInput, unanswered
 from slip_vic_controller.session.arrival import (
     begin_answer,
     is_silent,
@@ -51,7 +50,7 @@ if TYPE_CHECKING:  # the session over all arms makes this one, and each calls th
 
 # Looked up in every cycle, by number: to make an enum's member of one, or to hash it, takes longer.
 _MODES = tuple(Mode)
-_UNANSWERED = tuple(unanswered(fault) for fault in Fault)
+_UNANSWERED = tuple(unanswered(fault) for fault in range(SAMPLE_FAULTS))
 _ARM = place(INPUTS, "arm")
 _STEP = place(OUTPUTS, "decision.step").start
 _RAMP = place(ARM_STATE, "law.ramp")
@@ -224,11 +223,11 @@ class ArmSession:
     def set_publishers(self, counts: Mapping[str, int], own_topic_publishers: int) -> None:
         """Take how many publishers each input topic has, and how many our command topic has."""
         before, twice = self.state.outside, [name for name, count in counts.items() if count > 1]
-        outside = Fault.SECOND_PUBLISHER if twice else Fault.NONE
+        outside = Reason.SECOND_PUBLISHER if twice else Reason.NONE
         if own_topic_publishers > 1:
-            outside = Fault.FOREIGN_COMMAND
+            outside = Reason.FOREIGN_COMMAND
         self.state.outside = int(outside)
-        if outside not in (before, Fault.NONE):
+        if outside not in (before, Reason.NONE):
             self._outside_counts[f"{', '.join(twice) or 'effort command'} {outside.name.lower()}"] += 1
 
     # -- requests and parameters -------------------------------------------------------------------
@@ -290,7 +289,7 @@ class ArmSession:
         self.waiting = self._manifest = None
         self.overdue = False
         if not self._session.active:
-            missing |= ACTIVATION
+            missing |= Missing.ACTIVATION
         now_ns = joint.stamp_ns if now_ns is None else now_ns
         own = exchange[self._inputs]
         if health is not None:
@@ -397,21 +396,10 @@ class ArmSession:
         for kind, each in (("wrench", state.wrench_inputs), ("slip", state.slip_inputs)):
             inputs += [(kind if k == 0 else f"{kind} of contact {k}", each[k]) for k in range(self.contacts)]
         for name, of in inputs:
-            for fault in Fault:
-                if of.counts[fault]:
+            for fault in Reason:
+                if fault < SAMPLE_FAULTS and of.counts[fault]:
                     found[f"{name} {fault.name.lower()}"] = int(of.counts[fault])
         return found | dict(self._outside_counts)
-
-    def rates(self) -> dict[str, tuple[float, float]]:
-        """Return mean period and jitter [s] of the inputs that have come at least twice."""
-        state = self.state
-        of = {
-            "joint_states": state.joint.rate,
-            "wrench": state.wrench_inputs[0].rate,
-            "slip_velocity": state.slip_inputs[0].rate,
-        }
-        rates = {name: (mean_period_s(rate), float(rate.jitter_s)) for name, rate in of.items()}
-        return {name: rate for name, rate in rates.items() if not math.isnan(rate[0])}
 
 
 def joint_sample(record: JointRecord, joints: int) -> JointSample:

@@ -6,7 +6,7 @@ from slip_core.arrays import Array
 from slip_core.compiled import BOOL, IN1, INT, OUT1, kernel
 from slip_core.records import record
 from slip_vic_controller.arm.estimator import replace_sample, use_estimate
-from slip_vic_controller.safety.faults import Fault
+from slip_vic_controller.safety.conditions import Reason
 from slip_vic_controller.safety.validation import (
     await_answer,
     fine,
@@ -39,11 +39,11 @@ def receive_joint_state(
         lockstep: whether the bridge waits for an answer to everything.
     """
     c, s = record(config, CONFIG), record(state, ARM_STATE)
-    one_source, position, velocity = s.outside != Fault.SECOND_PUBLISHER, q.copy(), qd.copy()
+    one_source, position, velocity = s.outside != Reason.SECOND_PUBLISHER, q.copy(), qd.copy()
     blind = s.estimate.unmeasured.max() >= c.estimator.sensor_ticks
     fault = receive_joints(c.joint, s.joint, stamp_ns, position, velocity, effort, refused, now_ns, one_source, blind)
     s.estimate.alone = s.joint.without
-    if fault == Fault.RESTARTED:
+    if fault == Reason.RESTARTED:
         for k in range(c.law.contacts):
             rebase_vector(c.wrench, s.wrench_inputs[k], stamp_ns)
             rebase_vector(c.slip, s.slip_inputs[k], stamp_ns)
@@ -107,12 +107,12 @@ def begin_answer(
     c, s = record(config, CONFIG), record(state, ARM_STATE)
     i = record(inputs, INPUTS)
     i.present, i.now_ns, i.request, i.missing = 1, now_ns, request, missing
-    if usable(fault) or fault == Fault.NOT_RUN:
+    if usable(fault) or fault == Reason.NOT_RUN:
         for j in range(c.estimator.joints):
             s.joint.answers.velocity[j] -= s.tare.velocity_bias[j]
         use_estimate(c.estimator, s.estimate, s.joint.answers)
         return True
-    foreign = fault == Fault.JUMP and s.outside == Fault.SECOND_PUBLISHER
+    foreign = fault == Reason.JUMP and s.outside == Reason.SECOND_PUBLISHER
     if s.law.known == 0 or unanswered(fault) or foreign:
         return False
     if not replace_sample(c.estimator, s.estimate, s.joint.answers):

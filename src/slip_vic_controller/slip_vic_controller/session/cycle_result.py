@@ -11,16 +11,15 @@ from slip_core.records import new, place, record
 from slip_core.types import JointCommand, JointSample
 from slip_vic_controller.cycle.cycle import describe as describe_cycle
 from slip_vic_controller.law.symbols import SYMBOLS, published
-from slip_vic_controller.safety.faults import Fault
+from slip_vic_controller.safety.conditions import Reason, describe, reason_fields
 from slip_vic_controller.safety.modes import Mode
-from slip_vic_controller.safety.reasons import describe
 from slip_vic_controller.session.controller import ArmController
 from slip_vic_controller.state import GOVERNED, INPUTS, OUTPUTS
 
 _LEDGER = place(OUTPUTS, "ledger")
 _EFFORT = place(OUTPUTS, "effort")
 _OK, _CAUSE = place(OUTPUTS, "ok").start, place(OUTPUTS, "mode.reason").start
-_REASON = slice(_CAUSE, _CAUSE + 3)
+_REASON = slice(_CAUSE, _CAUSE + 4)
 _GOVERNED, _GOVERNED_NAMES = place(OUTPUTS, "governor"), GOVERNED.names or ()
 _GRIP = place(OUTPUTS, "grip").start
 _PATH_SCALE = place(OUTPUTS, "path_scale").start
@@ -31,15 +30,15 @@ NO_NUMBERS = readonly(np.zeros(0))
 class Health(NamedTuple):
     """The fault of each input in one cycle; NONE = good. `slip` and `wrench` are the worst of all contacts."""
 
-    joint: Fault = Fault.NONE
-    wrench: Fault = Fault.NONE
-    slip: Fault = Fault.NONE
-    outside: Fault = Fault.NONE
+    joint: Reason = Reason.NONE
+    wrench: Reason = Reason.NONE
+    slip: Reason = Reason.NONE
+    outside: Reason = Reason.NONE
 
     @staticmethod
     def from_code(code: int) -> Health:
         """Read the number in the ledger: a replay uses what the run found, whose arrival times no bag has."""
-        return Health(*(Fault(code >> shift & 0xFF) for shift in (0, 8, 16, 24)))
+        return Health(*(Reason(code >> shift & 0xFF) for shift in (0, 8, 16, 24)))
 
 
 class CycleResult:
@@ -128,6 +127,11 @@ class CycleResult:
     def reason(self) -> str:
         """Why the controller is in its mode, in words."""
         return describe(self.record.mode.reason, self._controller.robot.joint_names)
+
+    @property
+    def reason_fields(self) -> dict[str, object]:
+        """The reason as fields: name and number, what is wrong with an input, joint or place, value and limit."""
+        return reason_fields(self.record.mode.reason, self._controller.robot.joint_names)
 
     @property
     def symbol_names(self) -> tuple[str, ...]:

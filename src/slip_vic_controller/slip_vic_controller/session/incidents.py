@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Final
 
 from slip_core.incidents import Incident
+from slip_vic_controller.safety.conditions import Reason
 from slip_vic_controller.safety.modes import Mode
-from slip_vic_controller.safety.reasons import Cause
 from slip_vic_controller.session.cycle_result import CycleResult
 
 UNREACHABLE_S: Final = 2.0
@@ -30,7 +30,7 @@ class IncidentWatch:
             self._waits_ns = None
             return None
         cause = result.reason_key[0]
-        if cause not in (Cause.PATH_WAITS, Cause.PUSHED_BACK):
+        if cause not in (Reason.PATH_WAITS, Reason.PUSHED_BACK):
             self._waits_ns = None
         elif self._waits_ns is None:
             self._waits_ns = now_ns
@@ -43,7 +43,7 @@ class IncidentWatch:
     def _kind(self, mode: Mode, cause: int, now_ns: int) -> str:
         if mode is Mode.FAULT:
             return "fault"
-        if cause == Cause.SATURATED:
+        if cause == Reason.SATURATED:
             return "saturated"
         waited_ns = 0 if self._waits_ns is None else now_ns - self._waits_ns
-        return "unreachable" if cause == Cause.PATH_TOO_HEAVY or waited_ns > 1e9 * UNREACHABLE_S else ""
+        return "unreachable" if cause == Reason.PATH_TOO_HEAVY or waited_ns > 1e9 * UNREACHABLE_S else ""

@@ -14,6 +14,17 @@ BRIDGE: Final = "slip_sim_bridge"
 """Node of the simulated arm."""
 
 
+class Status(NamedTuple):
+    """The controller's mode by name, empty before there is one, and why it is in it, in words."""
+
+    mode: str = ""
+    text: str = ""
+
+    def __str__(self) -> str:
+        """Return both."""
+        return f"{self.mode}: {self.text}" if self.mode else "no mode"
+
+
 class Track(NamedTuple):
     """Samples of one topic: newest joint stamp when each arrived [s] (k,), own stamp [s] (k,), numbers (k, m)."""
 

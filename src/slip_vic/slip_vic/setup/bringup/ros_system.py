@@ -29,7 +29,7 @@ from slip_core.types import CartesianReference
 from slip_msgs_py.messages import to_msgs
 from slip_msgs_py.messages.from_msgs import JointOrder, vector6
 from slip_msgs_py.qos import create_publisher, message_class
-from slip_vic.setup.bringup.heard import Heard, Track
+from slip_vic.setup.bringup.heard import Heard, Status, Track
 from slip_vic_controller.params.node_params import ControllerNodeParams
 
 CONTROLLER: Final = "slip_vic_controller"
@@ -69,11 +69,12 @@ class RosSystem:
             self._change(Transition.TRANSITION_CONFIGURE)
         self._inputs = {name: self._subscribe(name, full) for name, full in self._find_inputs().items()}
         self._inputs["controller/scalars"] = self._subscribe("controller/scalars")
-        self._texts = {"controller/mode": "", "controller/goal": ""}
-        self._latched = {name: self._subscribe(name, latched=True) for name in self._texts}
+        self._goal_text, self._status = "", Status()
+        self._said = self._subscribe("controller/goal", latched=True)
+        self._diagnostics = self._subscribe("/diagnostics", "/diagnostics")
         self._goals = create_publisher(node, "goal", actual_name=f"{self._ns}/goal")
         self._until(lambda: self._goals.get_subscription_count() > 0)
-        self._until(lambda: bool(self.mode))  # an inactive controller has not published one yet
+        self._until(lambda: bool(self.status.mode))  # an inactive controller has not published one yet
 
     def close(self) -> None:
         """Take everything down."""
@@ -81,14 +82,22 @@ class RosSystem:
         self._asker.destroy_node()
 
     @property
-    def mode(self) -> str:
-        """The newest text of `controller/mode`."""
-        return self._newest("controller/mode")
+    def status(self) -> Status:
+        """The newest mode, by the fields of /diagnostics."""
+        name = f"{self._ns}/{CONTROLLER}: mode".removeprefix("/")
+        for _, message in _taken(self._diagnostics):
+            for status in message.status:
+                if status.name == name:
+                    values = {field.key: field.value for field in status.values}
+                    self._status = Status(values["mode"], status.message)
+        return self._status
 
     @property
     def goal(self) -> str:
         """The newest text of `controller/goal`."""
-        return self._newest("controller/goal")
+        for _, message in _taken(self._said):
+            self._goal_text = message.data
+        return self._goal_text
 
     def listen(self, seconds: float, begin: Callable[[], None] = lambda: None) -> Heard:
         """Return the messages until the joint states' stamps are `seconds` later, or until they stay away.
@@ -193,11 +202,6 @@ class RosSystem:
             qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         kind = message_class(TOPICS[name].type)
         return self._node.create_subscription(kind, full or f"{self._ns}/{name}", lambda _: None, qos)
-
-    def _newest(self, name: str) -> str:
-        for _, message in _taken(self._latched[name]):
-            self._texts[name] = message.data
-        return self._texts[name]
 
     def _read(self, heard: Mapping[str, list[tuple[int, Any]]]) -> Heard:
         joints = heard["joint_states"]

@@ -16,7 +16,7 @@ from slip_core.params import nested_names
 from slip_core.records import new, record
 from slip_core.vectors import mat
 from slip_vic.setup.bringup.hands import Hands
-from slip_vic.setup.bringup.heard import Heard, Track, joined
+from slip_vic.setup.bringup.heard import Heard, Status, Track, joined
 from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.interfaces import WRENCH_SENSOR, fill_wrench_sensor, wrench_at_pad
 from slip_vic_controller.law.arm import ARM
@@ -137,20 +137,20 @@ class Walk:
 
     def _controller(self) -> Verdict:
         """Judge whether the controller was started as a bring-up needs it."""
-        params, mode = self._params, self._system.mode
+        params, mode = self._params, self._system.status.mode
         found = params.trajectory.kind, params.governor.mode, params.governor.friction, params.safety.auto_enable
         kind, governor, friction, auto = found
         return judge(
             "controller",
             f"trajectory.kind {kind}, governor.mode {governor}, governor.friction {friction}, "
-            f"safety.auto_enable {str(auto).lower()}, mode {mode.partition(':')[0] or 'inactive'}",
+            f"safety.auto_enable {str(auto).lower()}, mode {mode or 'inactive'}",
             "goal, slow_down, unknown, false, and a law that is not active",
             (
                 kind != "goal" or governor == "off" or friction != "unknown" or auto,
                 "start it with trajectory.kind:=goal, governor.mode:=slow_down, governor.friction:=unknown and "
                 "safety.auto_enable:=false",
             ),
-            (mode.startswith(("ACTIVE", "DEGRADED", "FAULT")), "call ~/hold, or ~/reset_fault after a fault"),
+            (mode in ("ACTIVE", "DEGRADED", "FAULT"), "call ~/hold, or ~/reset_fault after a fault"),
         )
 
     def _rest(self, heard: Heard) -> Verdict:
@@ -332,7 +332,7 @@ class Walk:
         if np.abs(moved).max() >= DRIFT:
             system.set_active(False)  # the drives hold the arm better than we do
         yield self._drifted("hold", moved, SAG, "with the stiffness of HOLD")
-        yield _in_mode("mode", system.mode, "HOLD")
+        yield _in_mode("mode", system.status, "HOLD")
         system.tune({stiffness: 0.0})
         try:
             moved, seconds = self._watched(start + moved, LOOSE_S)
@@ -375,9 +375,9 @@ class Walk:
         try:
             for _ in range(round(STARTED_S / WATCHED_S)):
                 heard = system.listen(WATCHED_S)
-                if system.mode.startswith("ACTIVE"):
+                if system.status.mode == "ACTIVE":
                     break
-            yield _in_mode("enabled", system.mode, "ACTIVE")
+            yield _in_mode("enabled", system.status, "ACTIVE")
             here, R, _ = self._robot.frame(heard.position)
             inwards = -here * (1.0, 1.0, 0.0)
             there = here + MOTION_M * inwards / max(float(np.linalg.norm(inwards)), 1e-9)
@@ -389,17 +389,17 @@ class Walk:
 
     def _first_motion(self, there: Array, rotation: Array) -> Verdict:
         heard = self._go(there, rotation, DURATIONS_S[0])
-        goal, mode = self._system.goal, self._system.mode
+        goal, status = self._system.goal, self._system.status
         missed = float(np.linalg.norm(self._robot.frame(heard.position)[0] - there))
         slipped = float(np.linalg.norm(self._slipped(heard)))
         most = SLIPPED + SIGMAS * self._slip_noise * math.sqrt(len(heard.slip.stamp)) / heard.slip.rate
         return judge(
             "first motion",
-            f"{goal}, {1e3 * missed:.1f} mm from it, slip {1e3 * slipped:.2f} mm, {mode.partition(':')[0]}",
+            f"{goal}, {1e3 * missed:.1f} mm from it, slip {1e3 * slipped:.2f} mm, {status.mode}",
             f"reached within {1e3 * MISSED:.0f} mm, slip below {1e3 * most:.1f} mm, ACTIVE",
             (
-                not goal.endswith("reached") or not mode.startswith("ACTIVE"),
-                f"see controller/mode ({mode}) and controller/goal; docs/troubleshooting.md has the fix",
+                not goal.endswith("reached") or status.mode != "ACTIVE",
+                f"see controller/mode ({status}) and controller/goal; docs/troubleshooting.md has the fix",
             ),
             (
                 not missed < MISSED,
@@ -424,7 +424,7 @@ class Walk:
         found = f"F^ {estimate:.3f} N, carried {carried:.3f} N, {events} slips"
         return judge(
             "friction",
-            found if reached else f"{system.goal or 'no answer to the goal'} ({system.mode})",
+            found if reached else f"{system.goal or 'no answer to the goal'} ({system.status})",
             f"goals that are reached, with at least a fifth of governor.friction_limit ({limit:.3g} N)",
             (not reached, "more grip; where the law has stopped, docs/troubleshooting.md has the fix for the reason"),
             (
@@ -472,9 +472,10 @@ def stream(name: str, track: Track, least_hz: float, most_hz: float, oldest_s: f
     )
 
 
-def _in_mode(step: str, mode: str, wanted: str) -> Verdict:
-    wrong = not mode.startswith(wanted)
-    return judge(step, mode or "no mode", wanted, (wrong, "docs/troubleshooting.md has the fix for this reason"))
+def _in_mode(step: str, status: Status, wanted: str) -> Verdict:
+    return judge(
+        step, str(status), wanted, (status.mode != wanted, "docs/troubleshooting.md has the fix for this reason")
+    )
 
 
 def angle(a: Array, b: Array) -> float:

@@ -1,0 +1,219 @@
+"""What speaks against the law in a cycle: where each condition of the table is found to be so.
+
+While slip is unknown, never as if there were none: the observer predicts it from the wrench alone for a bounded time;
+then the path comes to rest, and the law continues with the prediction, or without compensation; then HOLD.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from slip_core.arrays import Array
+from slip_core.compiled import part
+from slip_core.vectors import spatial
+from slip_vic_controller.arm.joint_estimate import Finding
+from slip_vic_controller.arm.plausibility import unseen_ns
+from slip_vic_controller.arm.tare import Sensor, moved_joint
+from slip_vic_controller.contact.estimate import Health as Mounting
+from slip_vic_controller.safety.conditions import (
+    NOTHING,
+    Health,
+    Reason,
+    Why,
+    because,
+    first,
+    lasted,
+    of_fault,
+    passed_ns,
+    read_why,
+    see,
+    since_when,
+)
+from slip_vic_controller.safety.drop_detection import doubt_of_fall
+from slip_vic_controller.safety.following import stuck
+from slip_vic_controller.safety.limit_avoidance import TRIP, fast_joint, pushed_joint
+from slip_vic_controller.safety.modes import Mode, follows, holds_for
+from slip_vic_controller.safety.validation import fine, usable
+from slip_vic_controller.sizes import NEVER
+from slip_vic_controller.state import ArmState, ControllerConfig, TaskState
+
+SLIDES_LINEAR, SLIDES_ANGULAR = 0.05, 1.0
+"""Slip at which the law does not begin [m/s], [rad/s]."""
+FINDINGS: Final = len(Finding)
+FIRST_FINDING: Final = Reason.VELOCITY.value - Finding.VELOCITY.value
+FIRST_SENSOR: Final = Reason.BIASED_SLIP.value - Sensor.SLIP.value
+"""What makes a `Reason` of a `Finding`, and of a `Sensor`."""
+
+
+@part
+def judge(
+    config: ControllerConfig, task: TaskState, state: ArmState, health: Health, freezes: bool, now_ns: int
+) -> Why:
+    """Return what speaks against the law in this cycle.
+
+    Args:
+        config, task, state: of the controller, of all arms and of this one; the conditions in state are changed.
+        health: of the inputs.
+        freezes: whether the joint values have been equal to the last bit for long.
+        now_ns: the controller's clock.
+    """
+    sample = state.joint.answers
+    find_faults(config, state, health, sample.position, sample.velocity, now_ns)
+    find_bad_inputs(config, state, health, freezes, now_ns)
+    find_reasons_to_wait(config, task, state, now_ns)
+    find_hindrances(config, task, state, sample.position, now_ns)
+    return first(config.conditions, state.conditions, now_ns)
+
+
+@part
+def find_faults(config: ControllerConfig, state: ArmState, health: Health, q: Array, qd: Array, now_ns: int) -> None:
+    """Look for what must latch; q, qd: joint state (n,) [rad], [rad/s]."""
+    rows, estimate = state.conditions, state.estimate
+    _find_speeds(config, state, qd, now_ns)
+    for k in range(1, FINDINGS):
+        found = Why(FIRST_FINDING + k, 0, 0, estimate.joint, estimate.value, estimate.limit, -1, 0.0)
+        see(rows, found, estimate.finding == k, now_ns)
+    moved = moved_joint(config.tare, state.tare, q)
+    j = max(moved, 0)
+    way = Why(Reason.MOVED_IN_TARE.value, 0, 0, j, q[j] - state.tare.watched_from[j], 0.0, -1, 0.0)
+    see(rows, way, moved >= 0, now_ns)
+    # Noise of the joints' velocities can grow to such a slip velocity at rest, between two samples of a camera.
+    doubt = doubt_of_fall(state.pad.contact.variance) if config.estimator.on != 0 else 0.0
+    falls = Why(Reason.FALLS.value, 0, 0, 0, state.observed.fall_speed, 0.0, -1, 0.0)
+    see(rows, falls, state.observed.fall_speed > config.drop.drop_speed + doubt, now_ns)
+    foreign = health.outside == Reason.FOREIGN_COMMAND
+    see(rows, of_fault(Reason.EFFORT_COMMAND.value, health.outside), foreign, now_ns)
+
+
+@part
+def _find_speeds(config: ControllerConfig, state: ArmState, qd: Array, now_ns: int) -> None:
+    """Look for a joint or a pad that is too fast: one clock, since what runs away shows in one after another."""
+    rows, motion, twist = state.conditions, config.motion, spatial(state.observed.twist)
+    pad, turns, began_ns = twist.linear.norm(), twist.angular.norm(), NEVER
+    for k in range(Reason.JOINT_TOO_FAST.value, Reason.PAD_TURNS_TOO_FAST.value + 1):
+        began_ns = max(began_ns, rows[k].since_ns)
+        rows[k].since_ns = NEVER
+    found, j = NOTHING, fast_joint(motion, config.law.joints, qd)
+    if j >= 0:
+        found = Why(Reason.JOINT_TOO_FAST.value, 0, 0, j, abs(qd[j]), motion.velocity[j], -1, 0.0)
+    elif pad > TRIP * motion.speed_linear:
+        found = Why(Reason.PAD_TOO_FAST.value, 0, 0, 0, pad, motion.speed_linear, -1, 0.0)
+    elif turns > TRIP * motion.speed_angular:
+        found = Why(Reason.PAD_TURNS_TOO_FAST.value, 0, 0, 0, turns, motion.speed_angular, -1, 0.0)
+    if found.reason != Reason.NONE:
+        see(rows, found, True, now_ns if began_ns == NEVER else began_ns)
+
+
+@part
+def find_bad_inputs(config: ControllerConfig, state: ArmState, health: Health, freezes: bool, now_ns: int) -> None:
+    """Look for inputs that the law cannot work with, or only for a bounded time."""
+    rows, conditions, at_work = state.conditions, config.conditions, follows(state.mode.mode)
+    others = health.outside != Reason.NONE and health.outside != Reason.FOREIGN_COMMAND
+    see(rows, of_fault(Reason.INPUTS.value, health.outside), others, now_ns)
+    bad = not fine(health.wrench)
+    see(rows, of_fault(Reason.WRENCH_SLOWS.value, health.wrench), bad and at_work, now_ns)
+    # A wrench that is ahead shows joint states that are late, and the law works with these.
+    for_now = at_work and health.wrench != Reason.FUTURE
+    for_now = for_now and passed_ns(rows[Reason.WRENCH_SLOWS], now_ns) < conditions.slow_down_ns
+    see(rows, of_fault(Reason.WRENCH.value, health.wrench), bad and not for_now, now_ns)
+    unseen, unseen_fault = unseen_ns(config.estimator, state.estimate), 0 + health.joint
+    if usable(unseen_fault):
+        unseen_fault = Reason.FROZEN.value  # they repeat themselves
+    see(rows, of_fault(Reason.JOINT_STATE_SLOWS.value, unseen_fault), unseen > conditions.bridge_ns, now_ns)
+    fault = Reason.NONE.value
+    moves = state.observed.moves != 0 and at_work and unseen == 0
+    if now_ns - state.now_ns > conditions.gap_ns and state.mode.mode != Mode.WAITING_INPUT:
+        fault = Reason.NOT_RUN.value
+    elif state.latency.in_a_row >= conditions.late_after:
+        fault = Reason.LATE.value
+    elif unseen > (conditions.unseen_ns if at_work else conditions.bridge_ns):
+        fault = unseen_fault
+    elif freezes and (moves or holds_for(state.mode, Reason.JOINT_STATE.value, Reason.FROZEN.value)):
+        fault = Reason.FROZEN.value
+    see(rows, of_fault(Reason.JOINT_STATE.value, fault), fault != Reason.NONE, now_ns)
+    _find_bad_slip(config, state, health.slip, at_work, now_ns)
+
+
+@part
+def _find_bad_slip(config: ControllerConfig, state: ArmState, fault: int, at_work: bool, now_ns: int) -> None:
+    """Let a slip velocity that is unknown count for a bounded time."""
+    rows = state.conditions
+    unknown = not fine(fault) and config.conditions.slip_needed != 0
+    see(rows, of_fault(Reason.SLIP_PREDICTED.value, fault), unknown, now_ns)
+    see(rows, of_fault(Reason.SLIP_SLOWS.value, fault), unknown, now_ns)
+    longest_ns = config.conditions.lasts_ns[Reason.SLIP_SLOWS] + config.conditions.slow_down_ns
+    over = not at_work or passed_ns(rows[Reason.SLIP_PREDICTED], now_ns) >= longest_ns
+    see(rows, of_fault(Reason.SLIP.value, fault), unknown and over, now_ns)
+
+
+@part
+def find_reasons_to_wait(config: ControllerConfig, task: TaskState, state: ArmState, now_ns: int) -> None:
+    """Look for why the law must not begin, or go on, though all inputs are good."""
+    rows, tare, governor, at_work = state.conditions, state.tare, task.governor, follows(state.mode.mode)
+    waits = config.tare.duration_ns > 0 and not at_work
+    see(rows, because(Reason.TARE.value, 0), waits and tare.done == 0, now_ns)
+    biased, inverted = waits and tare.done != 0, tare.sensor == Sensor.MASS and tare.worst < 0.0
+    for k in range(Sensor.SLIP.value, Sensor.MASS.value + 1):
+        bias = Why(FIRST_SENSOR + k, 0, 0, 0, tare.worst, tare.bound, -1, 0.0)
+        see(rows, bias, biased and tare.sensor == k and not inverted, now_ns)
+    bias = Why(Reason.INVERTED_WRENCH.value, 0, 0, 0, tare.worst, tare.bound, -1, 0.0)
+    see(rows, bias, biased and inverted, now_ns)
+    heavy = governor.infeasible != 0
+    where, carries = round(1e3 * governor.heaviest_time) if heavy else 0, config.governor.path_margin
+    load = Why(Reason.PATH_TOO_HEAVY.value, 0, 0, where, governor.weight_load, carries * governor.plan_load, -1, 0.0)
+    see(rows, load, heavy, now_ns)
+    # With the delay of its loop the law would swing instead of catching what already slides fast.
+    sliding = slides(config, state) and not at_work and config.conditions.slip_needed != 0
+    see(rows, because(Reason.SLIDES.value, 0), sliding, now_ns)
+
+
+@part
+def slides(config: ControllerConfig, state: ArmState) -> bool:
+    """Return whether an object slides too fast for the law to begin; `sliding_ns` is changed.
+
+    After a sample at rest two have to say so: one of them may be an outlier.
+    """
+    newest_ns = NEVER
+    for i in range(config.law.contacts):
+        v = spatial(state.slip_inputs[i].values)
+        fast = v.linear.dot(v.linear) > SLIDES_LINEAR * SLIDES_LINEAR
+        if fast or v.angular.dot(v.angular) > SLIDES_ANGULAR * SLIDES_ANGULAR:
+            newest_ns = max(newest_ns, state.slip_inputs[i].stamp_ns)
+    state.sliding_ns = since_when(state.sliding_ns, newest_ns != NEVER, newest_ns)
+    return bool(newest_ns != state.sliding_ns)
+
+
+@part
+def find_hindrances(config: ControllerConfig, task: TaskState, state: ArmState, q: Array, now_ns: int) -> None:
+    """Look for what keeps the law from its path; q: (n,) [rad]."""
+    rows, following, governor, contact = state.conditions, state.following, task.governor, state.pad.contact
+    stays = stuck(following, now_ns)
+    for k in range(Reason.NOT_FOLLOWING.value, Reason.RANGE_END_TURNED.value + 1):
+        kept = Why(k, 0, 0, following.joint, following.value, following.error, -1, 0.0)
+        see(rows, kept, stays and following.cause == k, now_ns)
+    health = contact.slip_health
+    nothing = Why(Reason.READS_NOTHING.value, 0, 0, 0, contact.needs, contact.lacks, -1, 0.0)
+    see(rows, nothing, health == Mounting.READS_NOTHING, now_ns)
+    see(rows, because(Reason.MISMOUNTED.value, health), health > Mounting.READS_NOTHING, now_ns)
+    given_up, waits = state.law.given_up.left_s > 0.0, state.observed.path_speed < 1.0 or task.path.scale < 1.0
+    see(rows, because(Reason.OVERRUNS.value, 0), governor.overrun != 0, now_ns)
+    see(rows, because(Reason.ENDLESS_SLIP.value, 0), governor.endless != 0, now_ns)
+    see(rows, because(Reason.GIVEN_UP.value, 0), given_up, now_ns)
+    see(rows, because(Reason.PATH_WAITS.value, 0), waits, now_ns)
+    # What keeps the pad from its path there is no slip, and no friction that is too low; nor is it what lasts of that.
+    hindered = governor.overrun != 0 or governor.endless != 0 or given_up or waits
+    pushed, why = pushed_joint(config.motion, config.law.joints, q), read_why(state.mode.reason)
+    if pushed >= 0:
+        why = Why(Reason.PUSHED_BACK.value, 0, 0, pushed, q[pushed], 0.0, -1, 0.0)
+    if why.reason != Reason.PUSHED_BACK:
+        hindered, why = False, because(Reason.PUSHED_BACK.value, 0)
+    see(rows, why, hindered, now_ns)
+
+
+@part
+def slows(config: ControllerConfig, state: ArmState, now_ns: int) -> bool:
+    """Return whether the path has to come to rest, because of a user or of an input."""
+    rows = state.conditions
+    stops = rows[Reason.STOPPING].since_ns != NEVER or rows[Reason.WRENCH_SLOWS].since_ns != NEVER
+    stops = stops or rows[Reason.JOINT_STATE_SLOWS].since_ns != NEVER
+    return bool(stops or lasted(config.conditions, rows, Reason.SLIP_SLOWS.value, now_ns))

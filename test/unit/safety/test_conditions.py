@@ -1,0 +1,134 @@
+"""The table of conditions: its order by the pairs that matter, how long each must last, and its words."""
+
+from __future__ import annotations
+
+import itertools
+
+import pytest
+
+from slip_core.records import new, record
+from slip_vic_controller.safety.conditions import (
+    NOTHING,
+    SAMPLE_FAULTS,
+    Prefix,
+    Reason,
+    Severity,
+    Why,
+    because,
+    describe,
+    first,
+    forget_conditions,
+    of_fault,
+    reason_fields,
+    see,
+)
+from slip_vic_controller.state import ARM_STATE, CONFIG
+from test.support.call import call
+
+ROWS = [reason for reason in Reason if reason >= SAMPLE_FAULTS]
+NOW_NS = 10**12
+
+
+class Table:
+    """A table in which nothing is so."""
+
+    def __init__(self) -> None:
+        self.config = record(new(CONFIG), CONFIG).conditions
+        self.rows = record(new(ARM_STATE), ARM_STATE).conditions
+        call(forget_conditions, self.rows)
+
+    def see(self, why: Why, so: bool, now_ns: int) -> None:
+        call(see, self.rows, why, so, now_ns)
+
+    def first(self, now_ns: int) -> Why:
+        return Why(*call(first, self.config, self.rows, now_ns))
+
+
+@pytest.mark.parametrize(
+    ("wins", "over"),
+    [
+        (Reason.JOINT_TOO_FAST, Reason.FALLS),  # an arm that runs away drops its object
+        (Reason.VELOCITY, Reason.FALLS),  # and a sensor that lies shows a fall
+        (Reason.FALLS, Reason.EFFORT_COMMAND),
+        (Reason.INTERNAL, Reason.JOINT_TOO_FAST),
+        (Reason.EFFORT_COMMAND, Reason.WAITS),
+        (Reason.WAITS, Reason.WRENCH),
+        (Reason.INPUTS, Reason.JOINT_STATE),  # a second publisher makes jumps
+        (Reason.WRENCH, Reason.JOINT_STATE),  # what is ahead shows joint states that are late
+        (Reason.JOINT_STATE, Reason.SLIP),
+        (Reason.SLIP, Reason.TARE),  # no tare without samples
+        (Reason.BIASED_WRENCH, Reason.PATH_TOO_HEAVY),  # a load that is none
+        (Reason.PATH_TOO_HEAVY, Reason.SLIDES),  # and it slides for that
+        (Reason.SLIDES, Reason.WRENCH_SLOWS),
+        (Reason.WRENCH_SLOWS, Reason.SLIP_PREDICTED),  # it is predicted from the wrench
+        (Reason.SLIP_SLOWS, Reason.SLIP_PREDICTED),  # the same, and for longer
+        (Reason.STOPPING, Reason.SATURATED),
+        (Reason.RANGE_END, Reason.PATH_WAITS),  # for that joint
+        (Reason.READS_NOTHING, Reason.OVERRUNS),
+        (Reason.PUSHED_BACK, Reason.OVERRUNS),  # it keeps the pad from its path, not friction
+        (Reason.PUSHED_BACK, Reason.PATH_WAITS),
+        (Reason.OVERRUNS, Reason.PATH_WAITS),
+    ],
+)
+def test_order_by_pairs(wins: Reason, over: Reason) -> None:
+    """Whichever is seen first."""
+    for order in itertools.permutations((wins, over)):
+        table = Table()
+        for reason in order:
+            table.see(because(reason, 0), True, NOW_NS)
+        assert table.first(NOW_NS).reason == wins
+
+
+def test_severities_are_in_order() -> None:
+    """So the first row that has lasted is of the largest severity, and one loop decides."""
+    severities = [reason.severity for reason in ROWS]
+    assert severities == sorted(severities, reverse=True)
+    assert {reason.severity for reason in Reason if reason < SAMPLE_FAULTS} == {Severity.SAMPLE}
+
+
+def test_condition_must_last() -> None:
+    table, why = Table(), Why(Reason.SATURATED, 0, 0, 3, 0.5, 0.25, -1, 0.0)
+    table.config.lasts_ns[Reason.SATURATED] = 100
+    for passed, found in ((0, NOTHING), (99, NOTHING), (100, why), (500, why)):
+        table.see(why, True, NOW_NS + passed)
+        assert table.first(NOW_NS + passed) == found
+    table.see(why, False, NOW_NS + 501)  # and anew
+    table.see(why, True, NOW_NS + 502)
+    assert table.first(NOW_NS + 503) == NOTHING
+
+
+def test_times_are_those_of_the_table() -> None:
+    from test.support.made_up import controller_of
+
+    config = record(controller_of(slip_estimator="observer").config, CONFIG)
+    for reason in Reason:
+        expected = 300_000_000 if reason == Reason.SLIP_SLOWS else round(1e9 * reason.lasts_s) + bool(reason.lasts_s)
+        assert config.conditions.lasts_ns[reason] == expected, reason
+
+
+@pytest.mark.parametrize("reason", ROWS, ids=lambda reason: reason.name)
+def test_every_reason_has_words(reason: Reason) -> None:
+    why = Why(reason, Reason.SILENT, 0, 1, 1.0, 1.0, -1, 0.0)
+    assert describe(why, ("a", "b"))
+    assert ("b" in describe(why, ("a", "b"))) >= ("{joint}" in reason.words)
+    fields = reason_fields(why, ("a", "b"))
+    assert (fields["reason"], fields["reason_number"]) == (reason.name, reason.value)
+    assert fields["which"] == ("b" if "{joint}" in reason.words else 1)
+
+
+def test_words_of_missing_inputs() -> None:
+    contacts = [f"{name} of contact {k}" for name in ("wrench", "slip") for k in range(4)]
+    everything = ", ".join(["activation", "a good joint state", "joint_states", *contacts])
+    assert describe(because(Reason.WAITS, 2**11 - 1), ()) == f"waits for {everything}"
+    assert describe(NOTHING, ()) == ""
+
+
+def test_words_around_a_reason() -> None:
+    falls = Why(Reason.FALLS, 0, 0, 0, 0.5, 0.0, 1, 12.34)
+    words = "the object falls: it slips, and moves down 0.50 m/s faster than the reference"
+    behind = "; on b is a disturbance of 12.3 N m beyond effort and wrench"
+    assert describe(falls, ("a", "b")) == words + behind
+    silent = of_fault(Reason.WRENCH, Reason.SILENT)
+    assert describe(silent._replace(prefix=Prefix.ASKED_AND), ()) == "hold requested; wrench is silent"
+    assert describe(silent._replace(prefix=Prefix.RESUMES_AFTER), ()) == "resumes after: wrench is silent"
+    assert describe(silent._replace(prefix=Prefix.AFTER_RESET), ()) == "not enabled, after a reset of: wrench is silent"

@@ -1,0 +1,246 @@
+"""What speaks against the law in a cycle, in which order, and for how long slip may be unknown."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from slip_core.records import new, record
+from slip_vic.run.in_process import ClosedLoop
+from slip_vic.scenarios.scenario import load_scenario
+from slip_vic_controller.arm.joint_estimate import Finding
+from slip_vic_controller.arm.tare import Sensor
+from slip_vic_controller.cycle.judging import FIRST_FINDING, FIRST_SENSOR, judge, slows
+from slip_vic_controller.safety.conditions import (
+    HEALTH,
+    Reason,
+    Severity,
+    Why,
+    describe,
+    forget_conditions,
+    of_fault,
+    put_why,
+)
+from slip_vic_controller.safety.modes import Mode
+from slip_vic_controller.sizes import NEVER
+from slip_vic_controller.state import ARM_SIZE, ARM_STATE, CONFIG, TASK_SIZE, TASK_STATE
+from test.support.call import call
+from test.support.made_up import MS, NOW_NS, POSITION, N, controller_of
+
+TWIST, STILL = np.zeros(6), np.zeros(N)
+SLIP = (Reason.SLIP_PREDICTED, Reason.SLIP_SLOWS)
+
+
+class Memory(NamedTuple):
+    """What earlier cycles have left; None where something does not last."""
+
+    now_ns: int
+    mode: Mode
+    slip_unknown_ns: int | None
+    too_fast_ns: int | None
+    saturated_ns: int | None
+    stopping_ns: int | None
+    fall_speed: float
+    slip_variance: np.ndarray
+    path_speed: float
+    path_scale: float
+    reference_moves: bool
+    unseen_ns: int
+    frozen_before: bool
+    wrench_bad_ns: int | None
+    late_in_a_row: int
+    pad_twist: np.ndarray
+    slips: tuple[np.ndarray, ...]
+    slid_before: bool
+
+
+class Verdict(NamedTuple):
+    severity: Severity
+    words: str
+    slows: bool
+    slip_unknown_ns: int | None
+    too_fast_ns: int | None
+
+
+QUIET = Memory(
+    now_ns=NOW_NS - MS, mode=Mode.ACTIVE, slip_unknown_ns=None, too_fast_ns=None, saturated_ns=None, stopping_ns=None,
+    fall_speed=0.0, slip_variance=TWIST, path_speed=1.0, path_scale=1.0, reference_moves=False,
+    unseen_ns=0, frozen_before=False, wrench_bad_ns=None, late_in_a_row=0,
+    pad_twist=TWIST, slips=(TWIST,), slid_before=False,
+)  # fmt: skip
+NONE = Reason.NONE
+GOOD = (NONE, NONE, NONE)
+
+
+class Judge:
+    """What judges the cycles of one kind of controller."""
+
+    def __init__(self, **values) -> None:
+        self.controller = controller_of(**values)
+        self.config, self.buffer = self.controller.config, self.controller.new_state()
+        self.task = record(self.buffer[:TASK_SIZE], TASK_STATE)
+        self.state = record(self.buffer[TASK_SIZE:][:ARM_SIZE], ARM_STATE)
+        self.limits = record(self.config, CONFIG).conditions
+        call(forget_conditions, self.state.conditions)
+        self.state.tare.done = 1
+        self.names = self.controller.first.robot.joint_names
+
+    def found(self, health=GOOD, frozen: bool = False, q=POSITION, qd=STILL, now_ns: int = NOW_NS) -> Why:
+        """Return what runs finds; health: of wrench, slip and who else publishes."""
+        given, answers = new(HEALTH), self.state.joint.answers
+        given.view(np.int64)[:] = (NONE, *health)
+        answers.position[:N], answers.velocity[:N] = q, qd
+        why = call(judge, record(self.config, CONFIG), self.task, self.state, given, frozen, now_ns)
+        return Why(*why)
+
+    def judge(
+        self, memory: Memory, health=GOOD, frozen: bool = False, q=POSITION, qd=STILL, now_ns: int = NOW_NS
+    ) -> Verdict:
+        s, m, rows = self.state, memory, self.state.conditions
+        s.now_ns, s.mode.mode, s.latency.in_a_row = m.now_ns, m.mode, m.late_in_a_row
+        self.task.path.scale = m.path_scale
+        call(forget_conditions, rows)
+        times = dict.fromkeys(SLIP, m.slip_unknown_ns) | {
+            Reason.JOINT_TOO_FAST: m.too_fast_ns, Reason.SATURATED: m.saturated_ns,
+            Reason.STOPPING: m.stopping_ns, Reason.WRENCH_SLOWS: m.wrench_bad_ns,
+        }  # fmt: skip
+        for reason, since_ns in times.items():
+            rows[reason]["since_ns"] = NEVER if since_ns is None else since_ns
+        s.observed.fall_speed, s.observed.path_speed, s.observed.moves = m.fall_speed, m.path_speed, m.reference_moves
+        s.observed.twist[:], s.pad.contact.variance[:] = m.pad_twist, m.slip_variance
+        s.estimate.unmeasured[:N] = m.unseen_ns // MS
+        before = of_fault(Reason.JOINT_STATE, Reason.FROZEN if m.frozen_before else Reason.LATE)
+        put_why(s.mode.reason, before)
+        for of, slip in zip(s.slip_inputs, m.slips, strict=False):
+            of["values"][:], of["stamp_ns"] = slip, m.now_ns
+        s.sliding_ns = m.now_ns - MS if m.slid_before else NEVER
+        why = self.found(health, frozen, q, qd, now_ns)
+        since = (rows[of]["since_ns"] for of in (Reason.SLIP_PREDICTED, Reason.JOINT_TOO_FAST))
+        comes_to_rest = bool(call(slows, record(self.config, CONFIG), s, now_ns))
+        times_found = (None if t == NEVER else int(t) for t in since)
+        return Verdict(Reason(why.reason).severity, describe(why, self.names), comes_to_rest, *times_found)
+
+
+def kinds() -> list[Judge]:
+    safety = {"safety__inputs__joint__late_s": 0.01}
+    return [
+        Judge(**safety),
+        Judge(slip_estimator="observer", **safety),
+        Judge(controller="classical"),
+        Judge(slip_sensor__latency_s=0.08, slip_sensor__rate_hz=25.0, **safety),
+        Judge(slip_estimator="observer", joint_sensor__noise_velocity=0.003, **safety),
+    ]
+
+
+def test_findings_and_sensors_have_their_reasons() -> None:
+    """Their numbers are those of the estimator and of the tare, shifted."""
+    for finding in Finding:
+        if finding != Finding.NONE:
+            assert Reason(FIRST_FINDING + finding).name == finding.name
+    biased = {Sensor.SLIP: Reason.BIASED_SLIP, Sensor.WRENCH: Reason.BIASED_WRENCH}
+    biased |= {Sensor.JOINTS: Reason.BIASED_VELOCITY, Sensor.MASS: Reason.WRONG_MASS}
+    assert {sensor: FIRST_SENSOR + sensor for sensor in Sensor if sensor != Sensor.NONE} == biased
+
+
+def test_findings_carry_numbers() -> None:
+    judging = Judge()
+    found = judging.state.estimate
+    found.finding, found.joint, found.value, found.limit = Finding.VELOCITY, 4, 0.3, 0.1
+    assert judging.found() == Why(Reason.VELOCITY, 0, 0, 4, 0.3, 0.1, -1, 0.0)
+    found.finding, judging.state.observed.fall_speed = Finding.NONE, 9.0
+    assert judging.found() == Why(Reason.FALLS, 0, 0, 0, 9.0, 0.0, -1, 0.0)
+
+
+def test_fall_exceeds_slip_uncertainty() -> None:
+    """Found with a camera and motor currents: at rest the estimate drifted to 0.3 m/s, and that was a FAULT."""
+    variance = np.array([1e-4, 4e-2, 0.0, 9.0, 9.0, 9.0])  # 3 sigma: 0.6 m/s
+    for kind in kinds():
+        drop = record(kind.config, CONFIG).drop.drop_speed
+        doubt = 0.6 if record(kind.config, CONFIG).estimator.on else 0.0
+        for speed in (drop + doubt - 0.01, drop + doubt + 0.01):
+            verdict = kind.judge(QUIET._replace(fall_speed=speed, slip_variance=variance))
+            assert ("the object falls" in verdict.words) == bool(speed > drop + doubt)
+
+
+def test_good_inputs_give_no_reason() -> None:
+    for kind in kinds():
+        assert kind.judge(QUIET) == Verdict(Severity.SAMPLE, "", False, None, None)
+
+
+def test_what_counts_first() -> None:
+    """Of two reasons of one severity the one that a user has to act on; a reason to hold hides one to be careful."""
+    kind, late = kinds()[0], QUIET._replace(late_in_a_row=10**6)
+    silent, invalid = (Reason.SILENT, NONE, NONE), (NONE, Reason.INVALID, NONE)
+    held = QUIET._replace(mode=Mode.HOLD)
+    stops = QUIET._replace(stopping_ns=NOW_NS, path_speed=0.5)
+    hold, careful = Severity.HOLD, Severity.DEGRADED
+    for memory, health, severity, words in (
+        (late, (NONE, NONE, Reason.SECOND_PUBLISHER), hold, "an input has two publishers"),
+        (late._replace(mode=Mode.HOLD), silent, hold, "wrench is silent"),
+        (late, invalid, hold, "joint state is late"),
+        (held, invalid, hold, "slip velocity is invalid"),
+        (QUIET._replace(unseen_ns=10**9), invalid, hold, "joint state is frozen"),
+        (QUIET, silent, careful, "wrench is silent: slowing down"),
+        (QUIET, (Reason.FUTURE, NONE, NONE), hold, "wrench is ahead of the joint state"),
+        (stops, invalid, careful, "slip velocity is invalid: slowing down"),
+        (stops, GOOD, careful, "hold requested: coming to rest first"),
+        (stops._replace(stopping_ns=None), GOOD, careful, "the path waits for the arm"),
+        (late, (NONE, NONE, Reason.FOREIGN_COMMAND), Severity.FAULT, "effort command has another publisher"),
+    ):
+        verdict = kind.judge(memory, health)
+        assert (verdict.severity, verdict.words) == (severity, words)
+
+
+@pytest.mark.parametrize("index", [0, 1])
+def test_unknown_slip_lasts_its_time(index: int) -> None:
+    """Predicted where there is an observer, then the path comes to rest, then HOLD."""
+    kind, bad = kinds()[index], (NONE, Reason.INVALID, NONE)
+    observer_ns, slow_ns = int(kind.limits.lasts_ns[Reason.SLIP_SLOWS]), int(kind.limits.slow_down_ns)
+    assert (observer_ns > 0) == (kind.controller.first.params.slip_estimator == "observer")
+    careful, over = Severity.DEGRADED, observer_ns + slow_ns
+    expected = [(0, careful, False), (observer_ns - 1, careful, False)] if observer_ns else []
+    expected += [(observer_ns, careful, True), (over - 1, careful, True)]
+    expected += [(over, Severity.HOLD, True), (10 * over, Severity.HOLD, True)]
+    since = kind.judge(QUIET, bad).slip_unknown_ns
+    assert since == NOW_NS
+    for passed, severity, comes_to_rest in expected:
+        memory = QUIET._replace(slip_unknown_ns=since, now_ns=NOW_NS + passed - MS)
+        verdict = kind.judge(memory, bad, now_ns=NOW_NS + passed)
+        assert (verdict.severity, verdict.slows, verdict.slip_unknown_ns) == (severity, comes_to_rest, since)
+    assert kind.judge(QUIET._replace(slip_unknown_ns=since), GOOD).slip_unknown_ns is None
+
+
+def test_speed_must_last_five_milliseconds() -> None:
+    kind = kinds()[0]
+    qd = 2.0 * kind.controller.first.robot.velocity_limit * (np.arange(N) == 3)
+    first = kind.judge(QUIET, qd=qd)
+    assert (first.words, first.too_fast_ns) == ("", NOW_NS)
+    assert kind.judge(QUIET._replace(too_fast_ns=NOW_NS - 5 * MS), qd=qd).words == ""
+    assert kind.judge(QUIET._replace(too_fast_ns=NOW_NS - 5 * MS - 1), qd=qd).words == (
+        "arm_joint4 turns at 5.0 rad/s, the limit is 2.5"
+    )
+    assert kind.judge(QUIET._replace(too_fast_ns=NOW_NS - 6 * MS)).too_fast_ns is None
+
+
+def test_speeds_have_one_clock() -> None:
+    """A loop that runs away shows in a joint, then in the pad."""
+    kind, fast = kinds()[0], np.array([100.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    verdict = kind.judge(QUIET._replace(too_fast_ns=NOW_NS - 5 * MS - 1, pad_twist=fast))
+    assert verdict.words.startswith("the pad moves at 100.0 m/s")
+
+
+def test_law_waits_for_tare() -> None:
+    slow = [f"{node}.control_period_s=0.004" for node in ("controller", "bridge")]
+    loop = ClosedLoop(load_scenario("paper_planar", assignments=["controller.tare.duration_s=0.1", *slow]))
+    reasons = []
+    for _ in range(60):
+        result = loop.control(loop.observe())
+        reasons.append(str(result.reason))
+        loop.bridge.advance([result.command])
+    tares = [reason.startswith("tare: ") for reason in reasons]
+    assert tares == [k < sum(tares) for k in range(60)]
+    assert 25 <= sum(tares) <= 27, "0.1 s at 250 Hz"
+    assert reasons[sum(tares)].startswith("resumes after: tare: ")
+    assert result.mode.follows
