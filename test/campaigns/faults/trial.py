@@ -250,7 +250,7 @@ class Trial:
     def _slipped(self) -> float:
         """Return the largest coordinate of the object's slip displacement [m]."""
         readings = self._bridge.simulation.observe(0)
-        return max(map(abs, readings.numbers[readings.layout.slip_displacement][:3].tolist()))
+        return max(map(abs, readings.read.slip_displacement[:3].tolist()))
 
     # -- nodes -------------------------------------------------------------------------------------
 
