@@ -18,6 +18,8 @@ Three = tuple[float, float, float]
 
 QUATERNION_TOLERANCE = 1e-3
 """How far a quaternion's norm may be from 1: typed with four digits it is still accepted, and normalised."""
+LARGEST = 2.0
+"""Of a contact's distance from the centre of mass [m]: farther away a number is a mistake of its unit."""
 
 
 class ArmParams(ParameterModel):
@@ -92,6 +94,10 @@ class ContactParams(ParameterModel):
             raise ValueError(
                 f"contacts.position, orientation_xyzw, slip_axes have {sizes[0]}, {sizes[1]}, {sizes[2]} values; "
                 "n contacts need 3 n, 4 n, 6 n"
+            )
+        if max(map(abs, self.position)) > LARGEST:
+            raise ValueError(
+                f"contacts.position {list(self.position)}: no contact is {LARGEST:g} m from the centre of mass"
             )
         for i in range(count):
             quat = self.orientation_xyzw[4 * i : 4 * i + 4]

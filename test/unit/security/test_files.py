@@ -30,7 +30,7 @@ from slip_core.files.urdf import base_of, parse_urdf, placed_urdf
 from slip_core.files.urdf_file import read_urdf
 from slip_core.params import build, load_yaml, parse_assignment
 from slip_sim_bridge.plant.model import arm_spec
-from slip_vic.experiments.rows import read_made_of, read_rows
+from slip_vic.experiments.rows import read_json, read_rows
 from slip_vic.retime.path import read_points
 from slip_vic.run.domain import domain_id
 from slip_vic.scenarios import scenario_text
@@ -131,7 +131,7 @@ READERS: dict[str, Callable[[Path], object]] = {
     "path.csv": read_points,
     "run.mcap": Bag,
     "rows.csv": read_rows,
-    "rows.json": read_made_of,
+    "rows.json": read_json,
 }
 
 
