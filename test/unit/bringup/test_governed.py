@@ -80,7 +80,7 @@ def test_friction_shares_are_published() -> None:
     state, out = loop.controller.state, new(GOVERNED)
     state.pad.grip, state.pad.commanded, state.pad.measured = 0.5, 0.2, 0.3
     for F_hat, factor in ((1.6, 1.25), (0.0, 0.0)):  # friction limit 0.8 N
-        state.pad.estimate.F_hat = F_hat
+        state.pad.contact.F_median = F_hat
         call(put_governed, loop.controller.config, loop.session.task, state, out)
         governor = record(out, GOVERNED)
         assert governor.friction_limit == 0.5 * F_hat

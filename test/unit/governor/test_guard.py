@@ -8,7 +8,8 @@ import pytest
 from slip_core.records import record
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load_scenario
-from slip_vic_controller.cycle.governing import guard, held
+from slip_vic_controller.cycle.contact import held
+from slip_vic_controller.cycle.governing import guard
 from slip_vic_controller.governor.guard import missing_load
 from slip_vic_controller.state import CONFIG, OUTPUTS
 from test.support.call import call

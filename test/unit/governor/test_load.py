@@ -5,7 +5,7 @@ from scipy.spatial.transform import Rotation
 
 from slip_core.records import new, record
 from slip_core.vectors import mat, spatial, vec
-from slip_vic_controller.cycle.governing import held_by
+from slip_vic_controller.cycle.contact import held_by
 from slip_vic_controller.governor.guard import guard_factor
 from slip_vic_controller.governor.load import ALONE, Held, Shared, at_contact, load, size, surface
 from slip_vic_controller.law.contact import CONTACT, SLIP
