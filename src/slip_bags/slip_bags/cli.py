@@ -158,6 +158,9 @@ def run_command(group: click.Group, name: str) -> int:
             raise
         click.echo(f"error: {no_ros()}", err=True)
         return 2
+    except MemoryError:
+        click.echo("error: no memory is left for it (see ulimit -v, free -m)", err=True)
+        return 2
     except OSError as error:
         if stop() or error.errno not in (errno.EPIPE, errno.ENOSPC):
             raise

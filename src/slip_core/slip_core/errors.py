@@ -15,8 +15,8 @@ class SlipVicError(Exception):
     exit_code = 1
 
     def __str__(self) -> str:
-        """Return the error in one line that can be shown in a terminal, whatever a file's names are."""
-        return printable(" ".join(super().__str__().split()))
+        """Return the error as a terminal can show it, whatever a file's names are."""
+        return "\n".join(map(printable, super().__str__().split("\n")))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Come back from a worker process as what it is, without its arguments."""
@@ -43,7 +43,7 @@ class InputError(SlipVicError):
     def __init__(self, what: str, *, got: object, expected: str, fix: str = "") -> None:
         self.what, self.got, self.expected, self.fix = what, got, expected, fix
         line = f"{what}: got {_short(got)}, expected {expected}"
-        super().__init__(f"{line}; {fix}" if fix else line)
+        super().__init__(" ".join(f"{line}; {fix}".split()) if fix else " ".join(line.split()))
 
 
 class UnknownName(InputError):
@@ -70,7 +70,7 @@ class UnknownName(InputError):
         super().__init__(f"{kind} {name}", got="an unknown name", expected=expected, fix=fix)
         place = f"{where}: " if where else ""
         line = f"{place}unknown {kind} '{_short(name)}'; {expected}"
-        self.args = (f"{line} {fix}",)
+        self.args = (" ".join(f"{line} {fix}".split()),)
 
 
 def require_extra(package: str, what: str, extra: str) -> None:

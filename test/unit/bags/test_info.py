@@ -57,7 +57,7 @@ def test_the_command_prints_the_report(tmp_path):
 
 
 def test_control_characters_are_escaped(tmp_path):
-    assert str(SlipVicError("/a\x1b[2J\n\u202e é [red]")) == "/a\\x1b[2J \\u202e é [red]"
+    assert str(SlipVicError("/a\x1b[2J\n\u202e é [red]")) == "/a\\x1b[2J\n\\u202e é [red]"
     name = "/\x1b[2Ja"
     make_bag(tmp_path / "bag", count=1, topics={name: WRENCH["/w"]}, custom_data={"k\x07": "v\x1b"})
     text = "".join(lines(tmp_path / "bag"))

@@ -155,7 +155,10 @@ class ProcessGroup:
             failed.wait(1.0)
             if failed.exit_code == InputError.exit_code and failed.lines:
                 raise RefusedByChild(failed)
-            raise ProtocolError(f"{failed.name} failed with exit code {failed.exit_code}; last lines:\n{failed.tail()}")
+            full = " (SIGBUS: /dev/shm is full)" if failed.exit_code == -signal.SIGBUS else ""
+            raise ProtocolError(
+                f"{failed.name} failed with exit code {failed.exit_code}{full}; last lines:\n{failed.tail()}"
+            )
 
     def stop(self, children: Sequence[Child], *, in_haste: bool = False) -> None:
         """End these children: SIGINT, SIGTERM, then SIGKILL with all their descendants, each after a grace time.
