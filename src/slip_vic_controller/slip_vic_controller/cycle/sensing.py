@@ -12,7 +12,6 @@ from slip_core.records import Records
 from slip_core.vectors import mat, put_mat, put_spatial, spatial
 from slip_vic_controller.arm.command import Interface
 from slip_vic_controller.arm.estimator import pad_variances
-from slip_vic_controller.contact.estimate import Health
 from slip_vic_controller.contact.layouts import Observer
 from slip_vic_controller.contact.observer import observe
 from slip_vic_controller.cycle.agreeing import evaluates_law, hold_with_the_others
@@ -82,11 +81,10 @@ def sense(
 
     slip_unknown: there is no slip sample; an observer continues with the model alone.
     """
-    law, sample, samples, contact = state.law, state.joint.answers, outputs.samples, state.pad.contact
+    law, sample, samples = state.law, state.joint.answers, outputs.samples
     dt = (sample.stamp_ns - law.stamp_ns) * 1e-9
     if dt < 0.0:
         return Reason.OLD_JOINT_STATE.value
-    slip_unknown = slip_unknown or contact.slip_health >= Health.X_INVERTED
     for k in range(config.law.contacts):
         if state.wrench_modelled != 0:
             samples[k].wrench[:] = state.wrench_of_model[k]
@@ -134,11 +132,10 @@ def _slip_for_law(
     """Write the slip velocity that the law answers, and let the object move on the pad by the one of now.
 
     It is the estimated one, or the newest sample beyond the dead band; with drives that answer late the one to which
-    the commands under way lead; and zero where the law takes the object as held, or the sensor is not mounted as
-    configured.
+    the commands under way lead; and zero where the law takes the object as held.
     """
     law, samples, contact = state.law, outputs.samples, state.pad.contact
-    if config.cycle.gate_shut != 0 or contact.slip_health >= Health.X_INVERTED:
+    if config.cycle.gate_shut != 0:
         for k in range(config.law.contacts):
             samples[k].slip_twist[:] = 0.0
     elif config.cycle.has_observer != 0:

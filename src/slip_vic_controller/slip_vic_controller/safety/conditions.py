@@ -359,7 +359,7 @@ class Reason(IntEnum):
     MISMOUNTED = (
         68,
         _DEGRADED,
-        "slip_velocity reads against the friction force, {mounted}: it is not used",
+        "slip_velocity reads against the friction force, {mounted}",
         _SLIP_SENSOR,
     )
     # which: joint; value: its position [rad]
