@@ -168,7 +168,7 @@ BAD = {
     "a missing limit": (
         ["odd.urdf"], with_joint(URDF, "joint_2", "<limit[^>]*>", ""), ["joint_2", "<limit", "--lock joint_2"]
     ),
-    "no effort": (["odd.urdf"], URDF.replace('effort="150"', 'effort="0"', 1), ['effort="0"', "--lock joint_"]),
+    "no effort": (["odd.urdf"], URDF.replace('effort="150"', 'effort="0"', 1), ["joint_1", "effort 0", "expected"]),
     "two arms of five joints": (
         ["odd.urdf", "--lock", "joint_3=0", "--lock", "other_joint_3=0"], TWO, ["5 moving joints", "--ee"]
     ),

@@ -113,7 +113,8 @@ def test_velocities_and_accelerations_are_the_derivatives_of_the_motion() -> Non
     motion, _ = certified(PadPath(planned_poses(loaded)), params, governor_config(controller))
     x, v, h = motion.position, motion.velocity, motion.times[1] - motion.times[0]
     np.testing.assert_allclose((x[2:] - x[:-2]) / (2 * h), v[1:-1], atol=2e-4)
-    np.testing.assert_allclose((v[2:] - v[:-2]) / (2 * h), motion.acceleration[1:-1], atol=2e-2)
+    half_a_step = 0.5 * np.abs(np.diff(motion.acceleration, axis=0)).max()  # velocities are sums of accelerations
+    np.testing.assert_allclose((v[2:] - v[:-2]) / (2 * h), motion.acceleration[1:-1], atol=1.01 * half_a_step)
 
 
 def test_a_path_of_joints_gives_the_same_timing_as_that_of_the_pad(tmp_path: Path) -> None:

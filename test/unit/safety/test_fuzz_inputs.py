@@ -63,7 +63,7 @@ def sound(sample: Any) -> None:
         assert sample.twist.shape == (6,)
         assert sample.valid == np.isfinite(sample.twist).all()
     else:
-        assert sample.effort.shape in ((0,), (len(JOINTS),))
+        assert sample.numbers.shape in ((0,), (len(JOINTS),))
 
 
 @given(

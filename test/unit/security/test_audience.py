@@ -1,12 +1,7 @@
-"""Who may watch a run, and how many: other pages of the same browser read nothing, idle connections block nobody."""
+"""Who may watch a run: other pages of the same browser read nothing."""
 
 from __future__ import annotations
 
-import contextlib
-import socket
-import subprocess
-import sys
-import time
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
@@ -17,22 +12,6 @@ from websockets.sync.client import connect
 
 from slip_core.errors import SlipVicError
 from slip_vic.page.audience import Audience
-
-SERVE = """
-import resource, time
-resource.setrlimit(resource.RLIMIT_NOFILE, (256, 256))
-from slip_vic.page.audience import Audience
-audience = Audience("127.0.0.1", 0)
-print(audience.port, flush=True)
-while True:
-    audience.check()
-    time.sleep(0.05)
-"""
-
-UPGRADE = (
-    b"GET /live HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
-    b"Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"
-)
 
 
 @pytest.fixture
@@ -77,31 +56,6 @@ def test_another_page_of_the_browser_reads_no_live_data(audience: Audience) -> N
         assert [own.recv(5.0), own.recv(5.0)] == ["model", b"model"]
     with pytest.raises(InvalidStatus, match="403"), connect(live, origin="https://attacker.example"):
         pass
-
-
-def test_idle_connections_do_not_end_the_server() -> None:
-    with subprocess.Popen([sys.executable, "-c", SERVE], stdout=subprocess.PIPE, text=True) as child:
-        try:
-            assert child.stdout is not None
-            port = int(child.stdout.readline())
-            with contextlib.ExitStack() as idle:
-                for number in range(600):
-                    one = idle.enter_context(socket.create_connection(("127.0.0.1", port)))
-                    if number % 2:
-                        with contextlib.suppress(OSError):
-                            one.sendall(UPGRADE)
-            end = time.monotonic() + 20.0
-            while status_or_none(port) != 200 and time.monotonic() < end:
-                time.sleep(0.1)
-            assert (status_or_none(port), child.poll()) == (200, None)
-        finally:
-            child.kill()
-
-
-def status_or_none(port: int) -> int | None:
-    with contextlib.suppress(OSError):
-        return page(port)
-    return None
 
 
 def test_a_server_that_ends_is_reported(audience: Audience) -> None:
