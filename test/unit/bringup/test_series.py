@@ -29,4 +29,4 @@ def test_missed_messages_leave_the_others(tmp_path: Path) -> None:
     assert np.array_equal(after.times, np.delete(before.times, 700))
     assert np.array_equal(after.rows, np.delete(before.rows, 700, axis=0))
     assert np.array_equal(cut.object_pose.rows, np.delete(whole.object_pose.rows, (300, 301), axis=0))
-    assert cut.arm("").channel("effort").rows.shape == (1999, 7)
+    assert len(cut.arm("").channel("effort").rows) == len(whole.arm("").channel("effort").rows) - 1

@@ -235,7 +235,7 @@ def estimator_config(params: ControllerParams, effort_limit: Array) -> Array:
     config.difference = max(DIFFERENCE, diffused) + DEVIATIONS * math.sqrt(2.0) * noise.position
     config.late = LATE_S + sensor.filter_s
     config.unmoved = max(UNMOVED, 2.0 * sensor.quantum_position)
-    late_s = sensor.latency_s + params.drive_lag_s + sensor.filter_s if params.contacts.count > 1 else 0.0
+    late_s = sensor.latency_s + params.drive_lag_s + sensor.filter_s
     config.settling = SETTLES_AFTER * max(period, late_s)
     config.bound[:n], config.rate[:n] = model.limit * effort_limit, RATE * effort_limit
     config.collision[:n] = COLLISION * effort_limit
