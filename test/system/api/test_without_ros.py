@@ -40,7 +40,7 @@ def test_everything_of_the_api_works_without_ros(tmp_path) -> None:
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    assert done.stdout.split() == ["2000"]
+    assert done.stdout.split() == ["1000"]
     assert (tmp_path / "run.html").stat().st_size > 100_000
 
 

@@ -24,6 +24,8 @@ ELSEWHERE = ("test", "demo", "bench", "benchmark", "study", "merge", "tune", "fa
 # These stand for something: a bag of the reader's, a module of his, an option without its value.
 EXAMPLES = (
     "path.csv",
+    "waypoints.csv",
+    "my_sensor.yaml",
     "my_bag",
     "my_arm.yaml",
     "ARM.urdf",
@@ -42,7 +44,6 @@ NEEDS_MORE = ("--mode realtime", "--out docs")
 BAGS = Path(__file__).parents[3] / "bags"
 GIVEN = {
     "bags.md": {
-        "out/mine": "paper_planar_classical",
         "out/classical": "paper_planar_classical",
         "out/vic": "paper_planar_vic",
         "out/killed": "paper_planar_vic",
@@ -76,7 +77,7 @@ RUN = of_pages()
 def shortened(command: str) -> str:
     """Return a command with less to do: that it runs is shown here, what it shows elsewhere."""
     if command.startswith("run "):
-        command += " --set bridge.duration_s=0.4"
+        command += " --set bridge.duration_s=0.8"
         command += "" if {"--record", "--in-process"} & set(command.split()) else " --in-process"
     if command.startswith("check "):
         command += " --mismatch none --set bridge.duration_s=2.5"
