@@ -38,8 +38,8 @@ EXAMPLES = (
     "...",
     "--speed",
 )
-# Real time, files of the repository, an encoder that the lock file does not hold.
-NEEDS_MORE = ("--mode realtime", "--out docs")
+# Real time, files of the repository, what ends with Ctrl-C.
+NEEDS_MORE = ("--mode realtime", "--out docs", "--loop")
 # What a page takes as given before its first command: bags of runs.
 BAGS = Path(__file__).parents[3] / "bags"
 GIVEN = {
