@@ -72,7 +72,7 @@ def test_page_follows_what_runs(processes: Processes, browser: Browser, tmp_path
 def test_page_begins_again_with_a_bag_that_is_looped(processes: Processes, browser: Browser, tmp_path: Path) -> None:
     _, address = start_watch(processes)
     page, errors = open_page(browser, address, ready=False)
-    start_player(processes, tmp_path / "bag", "--loop")
+    start_player(processes, tmp_path / "bag", "--loop", "--rate", SLOWLY)
     wait_in_page(page, f"(window.slipPage?.plots.model.count ?? 0) > {FRAMES}")
     page.evaluate("window.latest = 0")  # gone where the page is loaded anew
     wait_in_page(page, "(latest = Math.max(latest, slipPage.player.end)) > slipPage.player.end")
