@@ -86,7 +86,7 @@ def _folder(package: Path) -> Path:
     digest = hashlib.sha256(numba.__version__.encode())
     for text in _sources(package):
         digest.update(text)
-    folder = _user_cache() / f"{package.name}-{digest.hexdigest()[:16]}"
+    folder = user_cache() / f"{package.name}-{digest.hexdigest()[:16]}"
     try:
         folder.mkdir(mode=0o700, parents=True)
         print(f"compiling {package.name} for this machine, once: about a minute", file=sys.stderr, flush=True)
@@ -152,5 +152,6 @@ def _package(path: Path) -> Path:
     return folder
 
 
-def _user_cache() -> Path:
+def user_cache() -> Path:
+    """Return the folder of this user's caches of the suite."""
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "slip_vic"

@@ -12,7 +12,7 @@ from slip_core.vectors import Vec
 from slip_vic_controller.contact.estimate import (
     CONTACT_ESTIMATE,
     DIRECTIONS,
-    Health,
+    SensorHealth,
     compare_directions,
     end_slip,
     put_friction,
@@ -34,7 +34,7 @@ def slide(T: np.ndarray, way: float, seed: int = 0, noise: float = 0.0) -> int:
     """Slip so far along a turning direction, read through the mounting T; return what is found."""
     (state,) = records_of(DIRECTIONS)
     start_directions(state)
-    rng, found = np.random.default_rng(seed), int(Health.OK)
+    rng, found = np.random.default_rng(seed), int(SensorHealth.OK)
     for k in range(round(way / (0.01 * DT))):
         direction = np.array([np.cos(0.01 * k), np.sin(0.01 * k), 0.0])
         read = T @ (0.01 * direction + noise * rng.standard_normal(3))
@@ -45,28 +45,28 @@ def slide(T: np.ndarray, way: float, seed: int = 0, noise: float = 0.0) -> int:
 @pytest.mark.parametrize(
     ("T", "found"),
     [
-        (np.eye(3), Health.OK),
-        (np.diag((-1.0, 1.0, 1.0)), Health.X_INVERTED),
-        (np.diag((1.0, -1.0, 1.0)), Health.Y_INVERTED),
-        (-np.eye(3), Health.INVERTED),
-        (np.eye(3)[[1, 0, 2]], Health.XY_SWAPPED),
+        (np.eye(3), SensorHealth.OK),
+        (np.diag((-1.0, 1.0, 1.0)), SensorHealth.X_INVERTED),
+        (np.diag((1.0, -1.0, 1.0)), SensorHealth.Y_INVERTED),
+        (-np.eye(3), SensorHealth.INVERTED),
+        (np.eye(3)[[1, 0, 2]], SensorHealth.XY_SWAPPED),
     ],
 )
-def test_mounting_is_named(T: np.ndarray, found: Health) -> None:
+def test_mounting_is_named(T: np.ndarray, found: SensorHealth) -> None:
     assert slide(T, 0.02, noise=0.002) == found
-    assert slide(T, 0.9 * GIVES_M) == Health.OK, "pads give way so far, to and fro"
+    assert slide(T, 0.9 * GIVES_M) == SensorHealth.OK, "pads give way so far, to and fro"
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_noise_is_no_mounting(seed: int) -> None:
-    assert slide(np.eye(3), 0.02, seed, noise=0.01) == Health.OK
+    assert slide(np.eye(3), 0.02, seed, noise=0.01) == SensorHealth.OK
 
 
 def test_no_force_no_direction() -> None:
     (state,) = records_of(DIRECTIONS)
     start_directions(state)
     for _ in range(100):
-        assert compare_directions(state, Vec(-1.0, 0.0, 0.0), Vec(0.0, 0.0, 0.0), DT) == Health.OK
+        assert compare_directions(state, Vec(-1.0, 0.0, 0.0), Vec(0.0, 0.0, 0.0), DT) == SensorHealth.OK
     assert state.length == 0.0
 
 

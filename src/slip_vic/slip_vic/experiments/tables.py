@@ -24,9 +24,9 @@ from slip_vic.experiments.run import kind_of
 from slip_vic.experiments.statistics import clopper_pearson
 
 GROUPS: Final = ("scenario", "track", "arms", "drive", "mismatch", "sensor")
-"""What a study tells apart, beside the laws."""
+"""What a study separates, beside the laws."""
 OF_SETS: Final = ("track", "arms")
-"""What other sets tell apart: each of their worlds is of a kind of its own."""
+"""What separates other sets: each of their worlds is of a kind of its own."""
 SHOWN: Final = (
     ("slip_path_m", 1e3, "slip [mm]"), ("arrival_s", 1.0, "arrives [s]"), ("squeeze_peak_n", 1.0, "peak [N]"),
     ("squeeze_mean_n", 1.0, "mean [N]"),
@@ -54,7 +54,7 @@ def outcome_of(row: Row) -> str:
 
 
 def grouped(rows: Sequence[Row]) -> dict[tuple[str, ...], list[Row]]:
-    """Return the rows of each line, by what tells it apart: law last."""
+    """Return the rows of each line, by what separates it: law last."""
     names = _columns(rows)
     groups: dict[tuple[str, ...], list[Row]] = {}
     for row in rows:
@@ -113,16 +113,16 @@ def cell(value: float) -> str:
 def tables_of(rows: Sequence[Row]) -> Iterator[Table]:
     """Yield a table of each scenario, track and number of arms; lost runs with exact bounds.
 
-    Columns that tell nothing apart, and outcomes that no run has, are left out.
+    Columns that separate nothing, and outcomes that no run has, are left out.
     """
     tables: dict[str, list[dict[str, str]]] = {}
     for line in lines_of(rows):
         title = ", ".join(filter(None, (line.get("scenario"), line["track"], f"arms: {line['arms']}")))
         tables.setdefault(title, []).append(line)
     for title, lines in tables.items():
-        told = {name: {line[name] for line in lines} for name in lines[0]}
-        wanted = [name for name in told if len(told[name]) > 1 or not (name in GROUPS or name.endswith("[N]"))]
-        wanted = [name for name in wanted if name not in ("short", "late", "held", "refused") or told[name] != {"0"}]
+        cells = {name: {line[name] for line in lines} for name in lines[0]}
+        wanted = [name for name in cells if len(cells[name]) > 1 or not (name in GROUPS or name.endswith("[N]"))]
+        wanted = [name for name in wanted if name not in ("short", "late", "held", "refused") or cells[name] != {"0"}]
         shown = Table(title=f"{title}; medians, what is not carried counts as infinite", box=SIMPLE_HEAD)
         shown.collapse_padding, shown.pad_edge = True, False
         for name in wanted:
@@ -136,7 +136,7 @@ def tables_of(rows: Sequence[Row]) -> Iterator[Table]:
 def write_picture(path: Path, rows: Sequence[Row]) -> None:
     """Write what became of the worlds of each line, and slip and arrival of what was carried: medians and quartiles."""
     groups = grouped(rows)
-    told = [len(set(column)) > 1 for column in zip(*groups, strict=True)]
+    differs = [len(set(column)) > 1 for column in zip(*groups, strict=True)]
     figure, (bars, *axes) = plt.subplots(
         1, 3, sharey=True, figsize=(14.0, 2.0 + 0.35 * len(groups)), constrained_layout=True
     )
@@ -151,7 +151,7 @@ def write_picture(path: Path, rows: Sequence[Row]) -> None:
             if len(values):
                 low, middle, high = np.quantile(values, QUARTILES)
                 axis.errorbar([middle], [k], xerr=[[middle - low], [high - middle]], fmt="o", color="#1f6fb2", ms=5)
-    labels = [" ".join(text for text, apart in zip(key, told, strict=True) if apart) or key[-1] for key in groups]
+    labels = [" ".join(text for text, differ in zip(key, differs, strict=True) if differ) or key[-1] for key in groups]
     bars.set_yticks(range(len(groups)), labels)
     bars.invert_yaxis()
     bars.set(xlabel="runs")

@@ -129,7 +129,6 @@ class PublishedJoints(Record):
 
 
 ESTIMATOR_CONFIG, JOINT_ESTIMATE = dtype_of(EstimatorConfig), dtype_of(JointEstimate)
-PUBLISHED_JOINTS = dtype_of(PublishedJoints)
 
 
 @part

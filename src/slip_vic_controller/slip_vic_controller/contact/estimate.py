@@ -20,7 +20,7 @@ mistake is a difference of 1 or 2, noise of a sample at six standard deviations 
 
 
 @unique
-class Health(IntEnum):
+class SensorHealth(IntEnum):
     """Whether a sensor may be believed; of the slip sensor also how it contradicts the friction force."""
 
     OK = 0
@@ -48,8 +48,8 @@ class ContactEstimate(Record):
     carried: Real  # N; largest load carried without slip
     first: Real  # N; F^ at first
     age_ns: Whole  # of the newest slip sample
-    slip_health: Whole  # Health
-    wrench_health: Whole  # Health
+    slip_health: Whole  # SensorHealth
+    wrench_health: Whole  # SensorHealth
     needs: Real  # N; where the slip sensor reads nothing: load that the motion needs
     lacks: Real  # N; and the one that the wrench shows
 
@@ -59,7 +59,7 @@ class Directions(Record):
 
     way: Mat3  # m {ee}; of slip, times the direction in which the pad drags the object: sum of v dt d^T
     length: Real  # m; of that way
-    mounted: Whole  # Health that it shows
+    mounted: Whole  # SensorHealth that it shows
 
 
 CONTACT_ESTIMATE, DIRECTIONS = dtype_of(ContactEstimate), dtype_of(Directions)
@@ -99,7 +99,7 @@ def take_weakest(config: EstimateConfig, friction: Estimate, pad: ContactEstimat
 
 @part
 def compare_directions(state: Directions, v: Vec, drags: Vec, dt: float) -> int:
-    """Take in a sample of a slip; return how the sensor is mounted, where that is not as configured, else Health.OK.
+    """Take in a sample of a slip; return how the sensor is mounted where that is not as configured, else OK.
 
     Friction opposes slip, whatever its coefficient: the pad slides over the object in the direction in which it drags
     it. A mounting T explains sum |v| dt (T v^ . d^) of the way; the best one counts.
@@ -112,14 +112,14 @@ def compare_directions(state: Directions, v: Vec, drags: Vec, dt: float) -> int:
     """
     force = drags.norm()
     if force == 0.0:
-        return Health.OK.value
+        return SensorHealth.OK.value
     d, step = (1.0 / force) * drags, dt * v
     for i in range(3):
         for j in range(3):
             state.way[i, j] += step[i] * d[j]
     state.length += step.norm()
     if state.length < GIVES_M:
-        return Health.OK.value
+        return SensorHealth.OK.value
     M = mat(state.way)
     x, y, z = M.x.x, M.y.y, M.z.z
     better = (
@@ -131,10 +131,10 @@ def compare_directions(state: Directions, v: Vec, drags: Vec, dt: float) -> int:
         M.y.z + M.z.y - y - z,
         M.z.x + M.x.z - z - x,
     )
-    found, most = Health.OK.value, DIFFERS * state.length
+    found, most = SensorHealth.OK.value, DIFFERS * state.length
     for i in range(len(better)):
         if better[i] > most:
-            found, most = Health.X_INVERTED.value + i, better[i]
+            found, most = SensorHealth.X_INVERTED.value + i, better[i]
     return int(found)
 
 
@@ -142,4 +142,4 @@ def compare_directions(state: Directions, v: Vec, drags: Vec, dt: float) -> int:
 def start_directions(state: Directions) -> None:
     """Begin: nothing has slipped."""
     state.way[:] = 0.0
-    state.length, state.mounted = 0.0, Health.OK.value
+    state.length, state.mounted = 0.0, SensorHealth.OK.value

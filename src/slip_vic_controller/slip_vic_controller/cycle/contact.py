@@ -9,7 +9,7 @@ from slip_core.compiled import part
 from slip_core.records import Records
 from slip_core.vectors import Mat, Spatial, Vec, mat, put_spatial, spatial, vec
 from slip_vic_controller.contact.estimate import (
-    Health,
+    SensorHealth,
     compare_directions,
     end_slip,
     put_friction,
@@ -107,8 +107,9 @@ def estimate_contact(
     if config.grip.follow != 0:
         squeeze(config, task, state, dt)
     pad, limits, stamp_ns, alone = state.pad, config.governor, state.joint.answers.stamp_ns, config.law.contacts == 1
-    friction, contact, measured = pad.estimate, pad.contact, spatial(outputs.samples[0].wrench)
-    pad.measured = size(surface(spatial(limits.slip_axes), limits.radius) * measured)
+    friction, contact, weights = pad.estimate, pad.contact, surface(spatial(limits.slip_axes), limits.radius)
+    measured = weights * spatial(outputs.samples[0].wrench)
+    pad.measured = size(measured)
     remember(pad.loads, stamp_ns, pad.measured / pad.grip, pad.commanded / pad.grip)
     certify(limits.estimate, friction, pad.loads, stamp_ns)
     found = bool(config.cycle.has_observer != 0 and state.observer.sliding != 0)
@@ -120,32 +121,34 @@ def estimate_contact(
             drags, passed_s = -vec(pad.evidence.measured), 1e-9 * (sample.stamp_ns - before_ns)
             pad.directions.mounted = compare_directions(pad.directions, slip.linear, drags, passed_s)
     if alone and dt > 0.0:
-        weigh_evidence(config, state, outputs, stamp_ns, dt)
+        weigh_evidence(config, state, outputs, weights, measured, dt)
     put_friction(limits.estimate, friction, contact)
     contact.variance[:] = state.observer.variance
     contact.age_ns = stamp_ns - state.slip_inputs[0].stamp_ns
-    contact.wrench_health = Health.SILENT.value if state.wrench_modelled != 0 else Health.OK.value
-    contact.slip_health, evidence = Health.SILENT.value if unknown else Health.OK.value, pad.evidence
-    if pad.directions.mounted != Health.OK:
+    contact.wrench_health = SensorHealth.SILENT.value if state.wrench_modelled != 0 else SensorHealth.OK.value
+    contact.slip_health, evidence = SensorHealth.SILENT.value if unknown else SensorHealth.OK.value, pad.evidence
+    if pad.directions.mounted != SensorHealth.OK:
         contact.slip_health = pad.directions.mounted
     elif evidence.unseen != 0 and contact.age_ns + SEES_NS < stamp_ns - evidence.unseen_ns:
         contact.slip_health, contact.needs, contact.lacks = (
-            Health.READS_NOTHING.value, evidence.lacks_of, evidence.carried
+            SensorHealth.READS_NOTHING.value, evidence.lacks_of, evidence.carried
         )  # fmt: skip
 
 
 @part
 def weigh_evidence(
-    config: ControllerConfig, state: ArmState, outputs: CycleOutputs, stamp_ns: int, dt: float
+    config: ControllerConfig, state: ArmState, outputs: CycleOutputs, weights: Spatial, measured: Spatial, dt: float
 ) -> None:  # fmt: skip
-    """Compare the load with the one that the pad's motion needs, and learn friction where that shows a slip."""
-    pad, limits, motion = state.pad, config.governor, outputs.motion
-    evidence, weights, v_ee = pad.evidence, surface(spatial(limits.slip_axes), limits.radius), spatial(motion.v_ee)
+    """Compare the load with the one that the pad's motion needs, and learn friction where that shows a slip.
+
+    weights: of the components, see `surface`; measured: the load [N] {ee}; dt: since the cycle before [s].
+    """
+    pad, limits, motion, stamp_ns = state.pad, config.governor, outputs.motion, state.joint.answers.stamp_ns
+    evidence, v_ee = pad.evidence, spatial(motion.v_ee)
     if evidence.begun != 0:
         a = (1.0 / dt) * (v_ee - spatial(evidence.twist))
         grasped, R = held(config, state, outputs.gains), mat(motion.rotation)
         needed = load(grasped, weights, R, v_ee.angular, vec(limits.gravity), a)
-        measured = weights * spatial(outputs.samples[0].wrench)
         F, seen = pad.grip * pad.estimate.first, pad.estimate.slipping
         if lacks_load(evidence, pad.commanded, needed, measured, F, seen, stamp_ns, dt):
             learn_carried(limits.estimate, pad.estimate, evidence.carried / pad.grip, stamp_ns)

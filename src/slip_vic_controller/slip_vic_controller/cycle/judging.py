@@ -14,7 +14,7 @@ from slip_core.vectors import spatial
 from slip_vic_controller.arm.joint_estimate import Finding
 from slip_vic_controller.arm.plausibility import unseen_ns
 from slip_vic_controller.arm.tare import Sensor, moved_joint
-from slip_vic_controller.contact.estimate import Health as Mounting
+from slip_vic_controller.contact.estimate import SensorHealth
 from slip_vic_controller.safety.conditions import (
     NOTHING,
     Health,
@@ -148,7 +148,7 @@ def _find_bad_slip(config: ControllerConfig, state: ArmState, fault: int, at_wor
 
 @part
 def find_reasons_to_wait(config: ControllerConfig, task: TaskState, state: ArmState, now_ns: int) -> None:
-    """Look for why the law must not begin, or go on, though all inputs are good."""
+    """Look for why the law must not begin or continue, though all inputs are good."""
     rows, tare, governor, at_work = state.conditions, state.tare, task.governor, follows(state.mode.mode)
     waits = config.tare.duration_ns > 0 and not at_work
     see(rows, because(Reason.TARE.value, 0), waits and tare.done == 0, now_ns)
@@ -193,8 +193,8 @@ def find_hindrances(config: ControllerConfig, task: TaskState, state: ArmState, 
         see(rows, kept, stays and following.cause == k, now_ns)
     health = contact.slip_health
     nothing = Why(Reason.READS_NOTHING.value, 0, 0, 0, contact.needs, contact.lacks, -1, 0.0)
-    see(rows, nothing, health == Mounting.READS_NOTHING, now_ns)
-    see(rows, because(Reason.MISMOUNTED.value, health), health > Mounting.READS_NOTHING, now_ns)
+    see(rows, nothing, health == SensorHealth.READS_NOTHING, now_ns)
+    see(rows, because(Reason.MISMOUNTED.value, health), health > SensorHealth.READS_NOTHING, now_ns)
     given_up, waits = state.law.given_up.left_s > 0.0, state.observed.path_speed < 1.0 or task.path.scale < 1.0
     see(rows, because(Reason.OVERRUNS.value, 0), governor.overrun != 0, now_ns)
     see(rows, because(Reason.ENDLESS_SLIP.value, 0), governor.endless != 0, now_ns)

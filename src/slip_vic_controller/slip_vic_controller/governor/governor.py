@@ -15,7 +15,7 @@ from typing import Final
 
 from slip_core.compiled import part
 from slip_core.vectors import NOTHING, Mat, Spatial, Vec, put_spatial, spatial, vec
-from slip_vic_controller.contact.estimate import Health, put_friction, start_directions
+from slip_vic_controller.contact.estimate import SensorHealth, put_friction, start_directions
 from slip_vic_controller.contact.friction_estimate import start_estimate
 from slip_vic_controller.contact.wrench_evidence import start_evidence
 from slip_vic_controller.governor.layouts import GovernedPad, Governor, GovernorConfig
@@ -81,7 +81,7 @@ def start_pad(config: GovernorConfig, pad: GovernedPad, at_rest: float, weighed:
     start_evidence(pad.evidence)
     start_directions(pad.directions)
     pad.contact.v_s[:], pad.contact.variance[:], pad.contact.age_ns = 0.0, 0.0, 0
-    pad.contact.slip_health = pad.contact.wrench_health = Health.OK.value
+    pad.contact.slip_health = pad.contact.wrench_health = SensorHealth.OK.value
     pad.contact.needs = pad.contact.lacks = 0.0
     put_friction(config.estimate, pad.estimate, pad.contact)
     pad.commanded = pad.measured = at_rest

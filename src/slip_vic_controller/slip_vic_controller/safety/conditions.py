@@ -14,7 +14,7 @@ from typing import Annotated, Any, Final, NamedTuple
 
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Records, Whole, WholeArray, dtype_of
-from slip_vic_controller.contact.estimate import Health as Mounting
+from slip_vic_controller.contact.estimate import SensorHealth
 from slip_vic_controller.sizes import MAX_CONTACTS, NEVER
 
 
@@ -57,13 +57,13 @@ _SLIP_SENSOR = (
     "`~/reset_fault` begins again with the configured friction."
 )
 _MOUNTED = {
-    Mounting.X_INVERTED: "on x: sign inverted",
-    Mounting.Y_INVERTED: "on y: sign inverted",
-    Mounting.Z_INVERTED: "on z: sign inverted",
-    Mounting.INVERTED: "on all axes: sign inverted",
-    Mounting.XY_SWAPPED: "x and y swapped",
-    Mounting.YZ_SWAPPED: "y and z swapped",
-    Mounting.ZX_SWAPPED: "z and x swapped",
+    SensorHealth.X_INVERTED: "on x: sign inverted",
+    SensorHealth.Y_INVERTED: "on y: sign inverted",
+    SensorHealth.Z_INVERTED: "on z: sign inverted",
+    SensorHealth.INVERTED: "on all axes: sign inverted",
+    SensorHealth.XY_SWAPPED: "x and y swapped",
+    SensorHealth.YZ_SWAPPED: "y and z swapped",
+    SensorHealth.ZX_SWAPPED: "z and x swapped",
 }
 _FAULT_OF = "See the fault below; the input is named before it."
 
@@ -355,7 +355,7 @@ class Reason(IntEnum):
         "the wrench shows {limit:.2f} N where the motion needs {value:.2f} N, and slip_velocity reads nothing",
         _SLIP_SENSOR,
     )
-    # which: the contact's Health of the slip sensor
+    # which: the contact's SensorHealth of the slip sensor
     MISMOUNTED = (
         68,
         _DEGRADED,
@@ -416,7 +416,7 @@ class Missing(IntEnum):
 
 @unique
 class Prefix(IntEnum):
-    """What is said before a reason; bits."""
+    """Words before a reason; bits."""
 
     NONE = 0
     ASKED_AND = 1
@@ -468,7 +468,7 @@ class ConditionsConfig(Record):
 
     lasts_ns: Annotated[WholeArray, REASONS]
     slow_down_ns: Whole  # time for the path to come to rest
-    bridge_ns: Whole  # how long the law goes on where the model has an arm that is not measured
+    bridge_ns: Whole  # how long the law continues where the model has an arm that is not measured
     unseen_ns: Whole  # the same, with the time in which the path comes to rest
     gap_ns: Whole  # pause of the controller itself that is too long
     late_after: Whole  # late answers in a row
