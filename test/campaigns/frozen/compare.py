@@ -27,6 +27,8 @@ LATER: Final = 1.05
 LEVEL: Final = 0.05
 """Level of McNemar's test."""
 KINDS: Final = tuple(kind for kind in ALL_KINDS if kind != "kept")
+TESTS: Final = {"lost": ("lost",), "lost or short": ("lost", "short"), "not carried": KINDS}
+"""Kinds of rows that each of McNemar's tests counts."""
 ONE_ARM: Final = "one_arm"
 
 
@@ -34,8 +36,8 @@ ONE_ARM: Final = "one_arm"
 class Line:
     """One law in one set: how often each kind came before and now, and what changed in equal worlds.
 
-    grown, kept: worlds that both keep whose slip path grew too much, of how many. later: median ratio of arrivals in
-    worlds where both arrive, with how many. p_*: of McNemar's test; not_carried: everything that is not kept.
+    p: of McNemar's test, by its name in `TESTS`; grown, shrunk, kept: worlds that both keep whose slip path grew or
+    shrank too much, of how many. later: median ratio of arrivals in worlds where both arrive, with how many.
     """
 
     name: str
@@ -43,29 +45,28 @@ class Line:
     worlds: int
     before: dict[str, int]
     now: dict[str, int]
-    p_lost: float
-    p_lost_or_short: float
-    p_not_carried: float
+    p: dict[str, float]
     grown: int
+    shrunk: int
     kept: int
     later: float
     arrived: int
 
     @property
+    def p_grown(self) -> float:
+        """McNemar's exact test of worlds that grew against worlds that shrank: the sign test."""
+        return mcnemar(self.shrunk, self.grown)
+
+    @property
     def worse(self) -> list[str]:
         """Why it is worse, empty where it is not."""
-        tests = (
-            ("lost", self.p_lost, ("lost",)),
-            ("lost or short", self.p_lost_or_short, ("lost", "short")),
-            ("not carried", self.p_not_carried, KINDS),
-        )
         found = [
-            f"{name}: p {p:.2g}"
-            for name, p, kinds in tests
-            if p < LEVEL and sum(self.now[kind] for kind in kinds) > sum(self.before[kind] for kind in kinds)
+            f"{name}: p {self.p[name]:.2g}"
+            for name, kinds in TESTS.items()
+            if self.p[name] < LEVEL and sum(self.now[kind] for kind in kinds) > sum(self.before[kind] for kind in kinds)
         ]
         if self.kept and self.grown > GROWN_SHARE * self.kept:
-            found.append(f"slip path grew in {self.grown} of {self.kept}")
+            found.append(f"slip path grew in {self.grown} and shrank in {self.shrunk} of {self.kept}")
         if self.law.startswith("governed") and self.later > LATER:
             found.append(f"arrives {100.0 * (self.later - 1.0):.0f} % later")
         return found
@@ -112,15 +113,17 @@ def line_of(name: str, law: str, pairs: Sequence[tuple[Row, Row]]) -> Line:
         name, law, len(pairs),
         {kind: sum(before == kind for before, _ in kinds) for kind in KINDS},
         {kind: sum(now == kind for _, now in kinds) for kind in KINDS},
-        p(("lost",)), p(("lost", "short")), p(KINDS),
-        sum(map(_grown, kept)), len(kept), float(np.median(ratios)) if ratios else math.nan, len(ratios),
+        {test: p(among) for test, among in TESTS.items()},
+        sum(_grown(*pair) for pair in kept), sum(_grown(now, before) for before, now in kept), len(kept),
+        float(np.median(ratios)) if ratios else math.nan, len(ratios),
     )  # fmt: skip
 
 
-def _grown(pair: tuple[Row, Row]) -> bool:
-    before, now = (float(row["slip_path_m"]) for row in pair)
-    own_drive = pair[1]["law"] == "vic" and pair[0]["drive"] not in VIC_DRIVES
-    return now > before + GREW_M and not (own_drive and now <= VIC_M)
+def _grown(one: Row, other: Row) -> bool:
+    """Return whether the slip path of the other row of a world is longer than that of the one by more than counts."""
+    shorter, longer = float(one["slip_path_m"]), float(other["slip_path_m"])
+    own_drive = other["law"] == "vic" and one["drive"] not in VIC_DRIVES
+    return longer > shorter + GREW_M and not (own_drive and longer <= VIC_M)
 
 
 def judged(lines: Sequence[Line]) -> list[Line]:
@@ -137,15 +140,26 @@ def verdict(lines: Sequence[Line]) -> list[str]:
 def table_of(lines: Sequence[Line]) -> Table:
     """Return the table: each count now, in brackets before, with the bounds of its share now."""
     shown = Table(title="frozen worlds: now (before), bounds of 95 % by Clopper and Pearson")
-    heads = ("set", "law", "worlds", *KINDS, "p lost", "p lost or short", "p not carried", "slip path grew", "arrival")
+    tests = [f"p {name}" for name in TESTS]
+    heads = ("set", "law", "worlds", *KINDS, *tests, "slip path grew", "shrank", "p grew", "arrival")
     for head in heads:
         shown.add_column(head, justify="left" if head in ("set", "law") else "right")
     for line in lines:
         counts = [_count(line, kind) for kind in KINDS]
-        tests = [f"{p:.2g}" for p in (line.p_lost, line.p_lost_or_short, line.p_not_carried)]
+        tests = [f"{p:.2g}" for p in line.p.values()]
         grown = f"{100.0 * line.grown / line.kept:.1f} % of {line.kept}" if line.kept else "-"
         later = f"x {line.later:.3f} of {line.arrived}" if line.arrived else "-"
-        shown.add_row(line.name, line.law, str(line.worlds), *counts, *tests, grown, later)
+        shown.add_row(
+            line.name,
+            line.law,
+            str(line.worlds),
+            *counts,
+            *tests,
+            grown,
+            str(line.shrunk),
+            f"{line.p_grown:.2g}",
+            later,
+        )
     return shown
 
 

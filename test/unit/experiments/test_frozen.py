@@ -95,6 +95,14 @@ def test_slip_path_that_grows_in_many_worlds(slip: float, count: int, found: boo
     assert bool(worse(before, now)) is found
 
 
+def test_worlds_that_grew_against_those_that_shrank() -> None:
+    before = [row(k, slip=1e-3) for k in range(100)]
+    now = [row(k, slip=1.4e-3 if k < 9 else 5e-4 if k < 11 else 1.2e-3) for k in range(100)]
+    (line,) = compare(before, now)
+    assert (line.grown, line.shrunk) == (9, 2)
+    assert line.p_grown == pytest.approx(2 * (1 + 11 + 55) / 2**11)  # 0, 1 or 2 of 11, and as many on the other side
+
+
 @pytest.mark.parametrize(
     ("drive", "slip", "found"), [("ideal", 7e-3, True), ("velocity_125", 7e-3, False), ("velocity_125", 9e-3, True)]
 )
