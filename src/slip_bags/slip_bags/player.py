@@ -8,13 +8,14 @@ from collections.abc import Callable, Collection
 from typing import Final
 
 from rclpy.duration import Duration
+from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 
 from slip_bags.format import TopicInfo
 from slip_bags.reader import Bag
-from slip_core.errors import InputError
+from slip_core.errors import InputError, printable
 from slip_msgs_py.qos import message_class, profile
 
 DEPTH: Final = 1000
@@ -55,8 +56,9 @@ def play(
             publishers[topic.name] = node.create_publisher(
                 message_class(topic.type_name), topic.name, playing_qos(topic)
             )
-        except InputError as error:
-            warn(f"topic {topic.name} is not played: {error}")
+        except (InputError, InvalidTopicNameException) as error:
+            why = str(error).partition(":\n")[0]
+            warn(f"topic {printable(topic.name)} is not played: {why}")
     if bag.span_ns is None or not publishers:
         raise InputError(f"bag {bag.path}", got="no message that can be played", expected="at least one")
     _wait_matched(publishers, stop)

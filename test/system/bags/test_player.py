@@ -16,7 +16,7 @@ from slip_bags.reader import Bag
 from slip_bags.recording.raw_subscription import Arrival, RawSubscription
 from slip_msgs_py.qos import profile
 from test.support.bag_maker import PERIOD_NS, make_bag
-from test.support.ros import DEADLINE_S, wait_until
+from test.support.ros import DEADLINE_S, Processes, wait_until
 
 RECORDER = ("-m", "slip_bags.cli", "record", "--output")
 PLAY = ("-m", "slip_vic.cli", "bag", "play")
@@ -81,6 +81,14 @@ def test_loops_until_interrupted(processes, ros_node, bag):
     assert processes.stop(player, signal.SIGINT) == 0
     assert "stopped" in player.lines[-1]
     assert int(re.search(r"(\d+) messages", player.lines[-1])[1]) > 2 * COUNT
+
+
+def test_a_name_that_ros_does_not_allow_is_left_out(processes: Processes, tmp_path: Path) -> None:
+    make_bag(tmp_path / "bag", count=3, topics={f"/{'x' * 300}": "geometry_msgs/msg/WrenchStamped", **TOPICS})
+    player = processes.python("player", *PLAY, tmp_path / "bag")
+    assert processes.wait_end(player) == 0
+    assert "is not played: Invalid topic name" in player.lines[0]
+    assert player.lines[-1] == "6 messages"
 
 
 @pytest.mark.parametrize(

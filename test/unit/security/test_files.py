@@ -319,10 +319,26 @@ def test_a_lock_of_a_domain_follows_no_link_and_no_strangers_folder(
     for lock in range(1, 102):
         (folder / str(lock)).unlink(missing_ok=True)
         (folder / str(lock)).symlink_to(precious)
-    with pytest.raises(OSError, match="symbolic"), domain_id():
+    with pytest.raises(ProtocolError, match="symbolic"), domain_id():
         pass
     assert precious.read_text() == "keep"
     assert domain > 0
     monkeypatch.setattr("os.geteuid", lambda: os.getuid() + 1)
     with pytest.raises(ProtocolError, match="belongs to another user"), domain_id():
         pass
+
+
+def test_a_lock_folder_that_cannot_be_written_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "file").touch()
+    monkeypatch.setattr("slip_vic.run.domain._folder", lambda: tmp_path / "file" / "locks")
+    with pytest.raises(ProtocolError, match="not a directory; set TMPDIR"), domain_id():
+        pass
+
+
+def test_a_domain_that_was_asked_for_is_locked_and_may_be_shared(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("slip_vic.run.domain._folder", lambda: tmp_path / "locks")
+    monkeypatch.setattr("slip_vic.run.domain._turns", iter((4, 4, 4)))
+    with domain_id(5) as wanted, domain_id(5) as shared, domain_id() as free:
+        assert (wanted, shared, free) == (5, 5, 6)

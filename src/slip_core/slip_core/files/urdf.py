@@ -6,6 +6,7 @@ and MuJoCo treat each of these differently; here they are settled once, for both
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Sequence
 from xml.etree import ElementTree
@@ -19,7 +20,8 @@ from slip_core.grasp_params import BaseParams
 
 MOVING = ("revolute", "continuous", "prismatic")
 NO_LIMIT = 1e4
-"""[rad] Limits that stand for none: a joint without end is read as a revolute one that never comes there."""
+"""[rad] Limits that stand for none: a joint without end is read as a revolute one that never comes there. No place [m],
+angle, mass [kg] or inertia [kg m2] of a robot is larger."""
 
 LARGEST = 16 << 20
 DEEPEST = 200
@@ -28,6 +30,7 @@ NESTED = 50
 any robot, and below what Pinocchio and MuJoCo support, whose recursions end the process on a chain of 5,000 links."""
 
 _KEPT = ("link", "joint")
+_MEASURED = ("origin", "mass", "inertia", "axis", "limit")
 _IN_FIXED_JOINT = ("parent", "child", "origin")
 PLACED = "placed_base"
 
@@ -36,8 +39,8 @@ def parse_urdf(text: str) -> Element:
     """Return the <robot> element of a URDF text: the one door to every reader of it, and to every library.
 
     Raises:
-        InputError: not XML, another format, entities or a document type, too large or too deep, no tree of links, or
-            xacro that was not expanded.
+        InputError: not XML, another format, entities or a document type, too large or too deep, no tree of links,
+            numbers of no robot, or xacro that was not expanded.
     """
     if len(text) > LARGEST:
         raise InputError("robot_description", got=f"{len(text)} characters", expected=f"a URDF of at most {LARGEST}")
@@ -58,7 +61,27 @@ def parse_urdf(text: str) -> Element:
         fix = "name the file arm.xacro, and it is expanded"
         raise InputError("robot_description", got="xacro", expected="a URDF", fix=fix)
     _check_tree(root)
+    for part in (*root.findall("link"), *root.findall("joint")):
+        _check_numbers(part)
     return root
+
+
+def _check_numbers(part: Element) -> None:
+    """Check that the places, masses, inertias and limits of a link or joint are numbers of a robot.
+
+    Raises:
+        InputError: with the name of the link or joint.
+    """
+    for element in part.iter():
+        bound = NO_LIMIT if element.tag in ("origin", "mass", "inertia") else math.inf
+        for key, text in element.attrib.items() if element.tag in _MEASURED else ():
+            for word in text.split():
+                with contextlib.suppress(ValueError):  # `numbers_of` names what is none where it is used
+                    if not (math.isfinite(float(word)) and abs(float(word)) <= bound):
+                        what = f"URDF {part.tag} {part.get('name')}"
+                        raise InputError(
+                            what, got=f'<{element.tag} {key}="{text}">', expected=f"finite numbers, at most {bound:g}"
+                        )
 
 
 def _check_tree(root: Element) -> None:

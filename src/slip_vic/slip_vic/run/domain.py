@@ -13,6 +13,7 @@ import os
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import IO
 
 from slip_core.errors import InputError, ProtocolError
 
@@ -23,31 +24,42 @@ _turns = itertools.count(os.getpid())  # the next run gets the next domain: noth
 
 @contextlib.contextmanager
 def domain_id(wanted: int | None = None) -> Iterator[int]:
-    """Hold a domain id: the wanted one, or one that no other run of this suite holds.
+    """Hold a domain id: the wanted one, whoever else holds it, or one that no other run of this suite holds.
 
     Raises:
         InputError: where the wanted id is out of range.
-        ProtocolError: where all ids are taken.
+        ProtocolError: where all ids are taken, or none can be locked.
     """
-    if wanted is not None:
-        yield check_domain(wanted)
-        return
-    folder = _folder()
-    folder.mkdir(mode=0o700, exist_ok=True)
-    if folder.lstat().st_uid != os.geteuid():
-        raise ProtocolError(f"{folder} belongs to another user; give --domain-id")
     count, turn = LAST - FIRST + 1, next(_turns)
-    for offset in range(count):
-        candidate = FIRST + (turn + offset) % count
-        with open(os.open(folder / str(candidate), os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600)) as lock:
+    free = [FIRST + (turn + offset) % count for offset in range(count)]
+    for candidate in free if wanted is None else [check_domain(wanted)]:
+        with _lock_file(candidate) as lock:
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
-                continue
+                if wanted is None:
+                    continue
             os.utime(lock.fileno())
             yield candidate
             return
     raise ProtocolError(f"all ROS domain ids from {FIRST} to {LAST} are in use by other runs; give --domain-id")
+
+
+def _lock_file(domain: int) -> IO[str]:
+    """Open the file whose lock is held by the run in a domain.
+
+    Raises:
+        ProtocolError: it cannot be written.
+    """
+    folder = _folder()
+    try:
+        folder.mkdir(mode=0o700, exist_ok=True)
+        if folder.lstat().st_uid == os.geteuid():
+            return open(os.open(folder / str(domain), os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600))
+        why = "belongs to another user"
+    except OSError as error:
+        why = (error.strerror or str(error)).lower()
+    raise ProtocolError(f"{folder}, where runs on this machine lock their ROS domain: {why}; set TMPDIR to your own")
 
 
 def domains_in_use() -> list[int]:
