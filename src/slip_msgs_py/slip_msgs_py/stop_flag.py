@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import _thread
 import contextlib
 import ctypes
 import os
@@ -24,8 +25,8 @@ class StopFlag:
     Inside another one it begins with what that one knows, and ignored hang-ups (nohup) stay ignored.
 
     Args:
-        interrupts: raise KeyboardInterrupt too, to leave work that does not poll. Where machine code is compiled
-            or loaded it is swallowed: the next one has to poll.
+        interrupts: raise KeyboardInterrupt too, to leave work that does not poll. A callback or a destructor, which
+            cannot raise, swallows it: then it comes again until it is raised or an inner flag is set.
     """
 
     def __init__(self, *, interrupts: bool = False) -> None:
@@ -64,8 +65,11 @@ class StopFlag:
         return self._is_set
 
     def _report_others(self, unraisable: sys.UnraisableHookArgs) -> None:
-        """Report what code that cannot raise swallows, but for our interrupts: callers poll for them."""
-        if not isinstance(unraisable.exc_value, KeyboardInterrupt):
+        """Report what code that cannot raise swallows, but for our interrupts, which come again."""
+        if isinstance(unraisable.exc_value, KeyboardInterrupt):
+            number = signal.SIGTERM if self.in_haste else signal.SIGINT
+            _thread.start_new_thread(os.kill, (os.getpid(), number))  # raised here it would be swallowed, too
+        else:
             self._report(unraisable)
 
     def _set(self, number: int, _frame: FrameType | None) -> None:
@@ -73,6 +77,23 @@ class StopFlag:
         self.in_haste |= number != signal.SIGINT
         if self._interrupts:
             raise KeyboardInterrupt
+
+
+@contextlib.contextmanager
+def held_back() -> Iterator[None]:
+    """Let signals that request the end wait until the block ends; a process that it starts never hears Ctrl-C."""
+    came = list[int]()
+    handled = [number for number in SIGNALS if callable(signal.getsignal(number))]
+    before = {number: signal.signal(number, lambda number, _: came.append(number)) for number in handled}
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # inherited; other threads may get it all the same
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        for late in came:
+            signal.raise_signal(late)
 
 
 @contextlib.contextmanager

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import importlib
 import itertools
+import multiprocessing.util
 import os
 import re
 import signal
@@ -20,6 +21,7 @@ import psutil
 import pytest
 from click.testing import CliRunner
 
+from slip_msgs_py.stop_flag import StopFlag
 from slip_vic.cli import cli
 from slip_vic.experiments import runner, suite
 from slip_vic.experiments.engines import Died
@@ -54,6 +56,22 @@ def test_every_task_once_and_tasks_share_the_workers(pool: PoolEngine, tasks: Mo
     assert results == {number: number * number for number in range(20)}
     assert len(list(tmp_path.iterdir())) == 20
     assert len(workers_that_ran(tmp_path)) <= 2
+
+
+def test_ctrl_c_while_a_worker_is_started_ends_the_run(
+    pool: PoolEngine, tasks: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As soon as the worker exists, when `multiprocessing` still has to write to it."""
+    start = multiprocessing.util.spawnv_passfds
+
+    def interrupted(path: bytes, arguments: list[str], files: list[int]) -> int:
+        worker = start(path, arguments, files)
+        os.kill(os.getpid(), signal.SIGINT)
+        return worker
+
+    monkeypatch.setattr(multiprocessing.util, "spawnv_passfds", interrupted)
+    with StopFlag(interrupts=True), pytest.raises(KeyboardInterrupt):
+        list(pool.run(tasks.slow_square, str(tmp_path), range(12)))
 
 
 def test_one_death_leaves_the_other_workers_alone_and_the_third_gives_a_task_up(

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import ctypes
+import os
 import signal
+import subprocess
 import sys
+import time
 from collections.abc import Callable
 
 import pytest
 
-from slip_msgs_py.stop_flag import StopFlag
+from slip_msgs_py.stop_flag import StopFlag, held_back
 
 
 def called_back(what: Callable[[], object]) -> None:
@@ -29,16 +32,54 @@ def reported(monkeypatch: pytest.MonkeyPatch) -> list[object]:
     return errors
 
 
-def test_a_signal_that_was_swallowed_is_known_inside_and_not_reported(reported: list[object]) -> None:
+def interrupt() -> None:
+    signal.raise_signal(signal.SIGINT)
+
+
+def test_a_swallowed_signal_comes_again(reported: list[object]) -> None:
+    def swallows() -> None:
+        called_back(interrupt)
+        time.sleep(30.0)
+
+    with StopFlag(interrupts=True) as stop, pytest.raises(KeyboardInterrupt):
+        swallows()
+    assert stop()
+    assert reported == []
+
+
+def test_an_inner_flag_is_set_and_raises_nothing() -> None:
     with StopFlag(interrupts=True) as outer:
-        called_back(lambda: signal.raise_signal(signal.SIGINT))
-        assert reported == []
+        with pytest.raises(KeyboardInterrupt):
+            interrupt()
         with StopFlag() as inner:
             assert outer()
             assert inner()
-            signal.raise_signal(signal.SIGINT)  # raises nothing: the inner one is asked
+            interrupt()
     with StopFlag() as later:
         assert not later()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signals_wait_for_the_end_of_the_block(number: signal.Signals) -> None:
+    steps = []
+
+    def held() -> None:
+        with held_back():
+            os.kill(os.getpid(), number)
+            steps.append("to the end")
+
+    with StopFlag(interrupts=True), pytest.raises(KeyboardInterrupt):
+        held()
+    assert steps == ["to the end"]
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
+
+
+def test_a_process_started_inside_never_hears_ctrl_c() -> None:
+    with held_back():
+        process = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
+    process.send_signal(signal.SIGINT)
+    process.communicate(b"line\n", timeout=60)
+    assert process.returncode == 0
 
 
 def test_what_else_a_callback_loses_is_reported(reported: list[object]) -> None:

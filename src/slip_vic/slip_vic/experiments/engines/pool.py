@@ -8,10 +8,12 @@ import os
 import signal
 import traceback
 from collections.abc import Callable
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from typing import Any
 
+from slip_msgs_py.stop_flag import held_back
 from slip_vic.experiments.engines import Died, Engine
 
 # Linear algebra is 6x6 here: threads of their own would only fight the other workers.
@@ -72,13 +74,11 @@ class PoolEngine(Engine):
         context = multiprocessing.get_context("spawn")
         ours, its = context.Pipe()
         process = context.Process(target=_work, args=(its,), daemon=True)
-        before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # which it inherits: Ctrl-C is left to this process
-        try:
+        resource_tracker.ensure_running()  # which `start` does too, but there it would let SIGINT through again
+        with held_back():
             process.start()
-        finally:
-            signal.signal(signal.SIGINT, before)
+            self._processes[ours] = process
         its.close()
-        self._processes[ours] = process
         return ours
 
 
