@@ -24,6 +24,7 @@ from numba.extending import intrinsic, overload
 from numpy.typing import ArrayLike, NDArray
 
 from slip_core.arrays import Array
+from slip_core.stamps import seconds_to_ns
 
 T = TypeVar("T")
 REAL, WHOLE = "f8", "i8"
@@ -120,6 +121,20 @@ def record(buffer: Array, dtype: np.dtype[np.void]) -> Any:
 @overload(record)
 def _compiled_record(buffer, dtype):  # type: ignore[no-untyped-def]
     return lambda buffer, dtype: carray(_begin(buffer), 1, dtype)[0]
+
+
+def copy_fields(to: Any, *sources: object) -> None:
+    """Copy numbers, and arrays of them, into those fields of a record whose names they have in one of the sources.
+
+    A field in whole nanoseconds, `age_ns`, is that of the seconds `age_s`. A shorter array fills the first places.
+    """
+    for name in to.dtype.names:
+        in_seconds = name.removesuffix("ns") + "s" if name.endswith("_ns") else name
+        for value in (getattr(source, in_seconds) for source in sources if hasattr(source, in_seconds)):
+            if isinstance(value, tuple):
+                to[name][: len(value)] = value
+            elif isinstance(value, int | float):
+                to[name] = value if in_seconds == name else seconds_to_ns(value)
 
 
 def records(matrix: Array, dtype: np.dtype[np.void]) -> Any:

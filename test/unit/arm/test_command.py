@@ -9,6 +9,7 @@ from slip_core.arrays import Array
 from slip_core.records import new, record
 from slip_vic_controller.arm.command import (
     COMMAND_CONFIG,
+    LEAD,
     MOTION_COMMAND,
     CommandConfig,
     MotionCommand,
@@ -26,9 +27,9 @@ ROUNDING = 1e-9
 VELOCITY, ACCELERATION, JERK = np.array([2.0, 1.0, 3.0]), np.array([15.0, 10.0, 20.0]), np.array([5e3, 1e3, 7.5e3])
 
 
-def limits(lead: float = 1e3, reach: float = 2.8) -> CommandConfig:
+def limits(reach: float = 2.8) -> CommandConfig:
     config: CommandConfig = record(new(COMMAND_CONFIG), COMMAND_CONFIG)
-    config.joints, config.lead = N, lead
+    config.joints = N
     config.velocity[:N], config.acceleration[:N], config.jerk[:N] = VELOCITY, ACCELERATION, JERK
     config.lower[:N], config.upper[:N] = -reach, reach
     return config
@@ -109,11 +110,11 @@ def test_stop_without_reversal() -> None:
 
 
 def test_command_lead_is_bounded() -> None:
-    config = limits(lead=0.2)
+    config = limits()
     state, limited = begun(config, np.zeros(N), np.zeros(N)), np.zeros(MAX_JOINTS, np.int64)
     for _ in range(3000):
         advance_motion(config, state, full(np.array([5.0, -5.0, 5.0])), np.zeros(MAX_JOINTS), PERIOD, limited)
-    assert (np.abs(state.velocity[:N]) <= 0.2 + ROUNDING).all()
+    assert (np.abs(state.velocity[:N]) <= LEAD + ROUNDING).all()
 
 
 @pytest.mark.parametrize("distance", [1e-3, 0.1, 1.0])

@@ -69,7 +69,7 @@ def test_internal_force_is_no_bias(law: str, bias: float) -> None:
         results = tick.results
     assert all(result.mode.follows for result in results)
     turned = [np.array(result.arm.rotation) for result in results]
-    found = [R @ arm.state.tare.wrench_bias[:3] for R, arm in zip(turned, loop.session.arms, strict=True)]
+    found = [R @ arm.state.tare.wrench.bias[:3] for R, arm in zip(turned, loop.session.arms, strict=True)]
     np.testing.assert_allclose(np.sum(found, axis=0), [0.0, 0.0, bias], atol=0.01)
     np.testing.assert_allclose(found[0], found[1], atol=0.01)
 

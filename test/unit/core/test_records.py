@@ -2,13 +2,27 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Annotated
 
 import numpy as np
 import pytest
 
 from slip_core.arrays import Array
-from slip_core.records import Mat3, Real, Record, Records, Vec6, Whole, WholeArray, dtype_of, new, record
+from slip_core.records import (
+    Mat3,
+    Real,
+    Record,
+    Records,
+    Vec6,
+    Whole,
+    WholeArray,
+    copy_fields,
+    dtype_of,
+    layout,
+    new,
+    record,
+)
 
 
 class Part(Record):
@@ -75,3 +89,16 @@ def test_a_misspelt_field_of_a_view_is_an_error_and_not_a_new_attribute() -> Non
 def test_what_is_no_field_is_refused() -> None:
     with pytest.raises(TypeError, match=r"Wrong\.name"):
         dtype_of(Wrong)
+
+
+def test_fields_are_copied_by_name() -> None:
+    view = record(new(EVERYTHING), EVERYTHING)
+    view.joints[:] = 1.0
+    copy_fields(
+        view, SimpleNamespace(count=True, twist=(1.0,) * 6), SimpleNamespace(joints=(0.5, 2.0), part="no number")
+    )
+    assert (view.count, view.twist.tolist()) == (1, [1.0] * 6)
+    assert view.joints.tolist() == [0.5, 2.0, 1.0, 1.0, 1.0, 1.0, 1.0]
+    timed = record(new(layout([("age_ns", "i8")])), layout([("age_ns", "i8")]))
+    copy_fields(timed, SimpleNamespace(age_s=0.15))
+    assert timed.age_ns == 150_000_000

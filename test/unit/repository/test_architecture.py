@@ -62,7 +62,7 @@ CYCLE = {
 OWN = {  # layers inside a package: what of the own package a part may import
     "slip_core.compiled": {"slip_core.errors", "slip_core.part_compiler"},
     "slip_core.part_compiler": set(),
-    "slip_core.records": {"slip_core.arrays"},
+    "slip_core.records": {"slip_core.arrays", "slip_core.stamps"},
     "slip_core.vectors": {"slip_core.arrays", "slip_core.compiled"},
     "slip_vic_controller.arm": {f"slip_vic_controller.{part}" for part in ("arm", "law.arm", "params.arm_params")}
     | SHARED,

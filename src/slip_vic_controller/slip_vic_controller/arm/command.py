@@ -29,8 +29,6 @@ BEFORE_END: Final = 1e-3
 """How far before that end it comes to rest: periods and jerk make the brake late by less [rad]."""
 IGNORED_S: Final = 0.3
 """Time for which a joint may move at less than half of what is commanded [s]: longer than any command gets lost."""
-AT_REST: Final = 5e-3
-"""Velocity from which a command that comes to rest is set to it, at most [rad/s]."""
 
 
 @unique
@@ -52,7 +50,6 @@ class CommandConfig(Record):
     jerk: Annotated[Array, MAX_JOINTS]  # rad/s^3
     lower: Annotated[Array, MAX_JOINTS]  # rad, where a command is at rest
     upper: Annotated[Array, MAX_JOINTS]  # rad
-    lead: Real  # rad/s, most by which a command may differ from the measured velocity
     lag: Real  # s, by which joints follow it and are measured
 
 
@@ -169,7 +166,7 @@ def advance_motion(
         ahead = state.position[j] + v * T  # what is decided now acts from there on
         up = min(config.velocity[j], stopping_speed(config.upper[j] - BEFORE_END - ahead, brake, jerk))
         down = min(config.velocity[j], stopping_speed(ahead - BEFORE_END - config.lower[j], brake, jerk))
-        up, down = min(up, max(qd[j] + config.lead, 0.0)), min(down, max(config.lead - qd[j], 0.0))
+        up, down = min(up, max(qd[j] + LEAD, 0.0)), min(down, max(LEAD - qd[j], 0.0))
         highest = min(most, largest_acceleration(up - v, jerk, T))
         lowest = max(-most, -largest_acceleration(v + down, jerk, T))
         inside = min(max(wanted, lowest), highest)
@@ -220,15 +217,12 @@ def rest_acceleration(velocity: float, jerk: float, period: float) -> float:
 @part
 def stop_motion(config: CommandConfig, state: MotionCommand, dt: float, limited: WholeArray) -> bool:
     """Bring the command to rest inside its limits; return whether it was at rest before. dt: since then [s]."""
-    qdd, moves = np.empty(MAX_JOINTS), False
+    nowhere, moves = np.full(MAX_JOINTS, np.nan), state.velocity[: config.joints].any()
     state.expected[:], state.ignored_s[:] = 0.0, 0.0
     if dt <= 0.0:
         return False
+    advance_motion(config, state, nowhere, state.velocity.copy(), dt, limited)
     for j in range(config.joints):
-        qdd[j] = rest_acceleration(state.velocity[j], config.jerk[j], dt)
-        moves = moves or state.velocity[j] != 0.0
-    advance_motion(config, state, qdd, state.velocity.copy(), dt, limited)
-    for j in range(config.joints):
-        if abs(state.velocity[j]) <= min(config.jerk[j] * dt * dt, AT_REST):
+        if abs(state.velocity[j]) <= dt * min(config.jerk[j] * dt, config.acceleration[j]):
             state.velocity[j], state.acceleration[j] = 0.0, 0.0
     return not moves

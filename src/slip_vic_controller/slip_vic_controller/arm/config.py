@@ -13,10 +13,11 @@ from slip_core.matrices import product, riccati, solve
 from slip_core.records import new, record
 from slip_vic_controller.arm.estimator import transition
 from slip_vic_controller.arm.joint_estimate import ESTIMATOR_CONFIG, MAX_LATENCY, QUICK, EstimatorConfig, Trust
-from slip_vic_controller.arm.plausibility import BIAS, DIFFERENCE, LATE_S, UNMOVED
-from slip_vic_controller.arm.tare import LEAST_SAMPLES, Tare, deviation, periods_of_joints
+from slip_vic_controller.arm.plausibility import BIAS, DIFFERENCE, LATE_S, SIGNIFICANT, UNMOVED
+from slip_vic_controller.arm.tare import Mean, Tare, deviation
 from slip_vic_controller.params.arm_params import JointSensorConfig
 from slip_vic_controller.params.controller_params import ControllerParams
+from slip_vic_controller.sizes import MAX_JOINTS
 
 DEVIATIONS, UNLIKELY = 6.0, 20.0
 """Standard deviations of positions that are no contradiction, and exponent of the chance that noise of the velocities
@@ -27,8 +28,8 @@ UNMEASURED_VELOCITY = 3e-3
 """What is assumed of a sensor until a tare has measured its noise, where none is configured [rad/s]."""
 LAG_ACCELERATION: Final = 5.0
 """Acceleration at which the lag of a velocity filter counts as noise [rad/s^2]."""
-MEAN_S, QUICK_S, SIGNIFICANT = 0.01, 0.03, 4.5
-"""Time over which innovations are averaged, for which the quick filter stays, and deviations that begin it."""
+MEAN_S, QUICK_S = 0.01, 0.03
+"""Time over which innovations are averaged, and for which the quick filter stays."""
 
 MODEL_NOISE, QUICK_DRIFT = 0.1, 100.0
 """Joint acceleration that the model leaves out, white, in every control period, and the drift of the disturbance where
@@ -145,35 +146,18 @@ def sensor_noise(sensor: JointSensorConfig, period: float) -> tuple[float, float
 def with_measured_noise(params: ControllerParams, tare: Tare) -> ControllerParams:
     """Return the parameters with the noise that a tare has measured so far, where it is larger than what is configured.
 
-    Before the tare is done that is the noise of the joint velocities alone. Joint states that are sent more often than
-    they are measured are told by it, too.
+    Before the tare is done that is the noise of the joint velocities alone, from their differences.
     """
-    joints, joint, periods = len(params.joint_names), params.joint_sensor, periods_of_joints(tare)
-    of, differences = (tare.velocity, 1.0) if tare.done else (tare.change, math.sqrt(2.0 / periods))
-    velocity = max(deviation(float(of.squares[j]), int(of.count)) for j in range(joints)) / differences
-    if not joint.estimates:
-        velocity = max(velocity, LEAST_VELOCITY)
-    found = {}
-    if velocity >= LEAST_VELOCITY and velocity > LARGER * joint.noise_velocity:
-        found["noise_velocity"] = velocity
-    if periods > tuning_of(params).ticks:
-        found["rate_hz"] = 1.0 / (periods * params.control_period_s)
-    params = params.model_copy(update={"joint_sensor": joint.model_copy(update=found)})
-    return with_measured_samples(params, tare) if tare.done else params
 
+    def spread(mean: Mean) -> Array:
+        return np.array([deviation(mean, k) for k in range(MAX_JOINTS)])
 
-def with_measured_samples(params: ControllerParams, tare: Tare) -> ControllerParams:
-    """Return the parameters with the noise of slip and wrench that a tare has measured, where that is larger."""
-    axes = np.array(params.contacts.slip_axes[:6], dtype=bool)
-    slip, wrench = (
-        np.array([deviation(float(of.squares[k]), int(of.count)) for k in range(6)]) * (of.count >= LEAST_SAMPLES)
-        for of in (tare.slip, tare.wrench)
-    )
-    slip = slip * axes
-    found = {
-        "slip_sensor": {"noise_linear": slip[:3].max(), "noise_angular": slip[3:].max()},
-        "wrench_sensor": {"noise_force": wrench[:3].max(), "noise_torque": wrench[3:].max()},
-    }
+    velocity = spread(tare.velocity) if tare.done else spread(tare.change) / math.sqrt(2.0 / tuning_of(params).ticks)
+    found = {"joint_sensor": {"noise_velocity": max(velocity.max(), LEAST_VELOCITY)}}
+    if tare.done:
+        slip, wrench = spread(tare.slip)[:6] * params.contacts.slip_axes[:6], spread(tare.wrench)
+        found["slip_sensor"] = {"noise_linear": slip[:3].max(), "noise_angular": slip[3:].max()}
+        found["wrench_sensor"] = {"noise_force": wrench[:3].max(), "noise_torque": wrench[3:6].max()}
     groups = {}
     for group, numbers in found.items():
         of = getattr(params, group)

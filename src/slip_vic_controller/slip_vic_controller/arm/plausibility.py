@@ -31,6 +31,8 @@ wrong: damping by it would throw the joint, while a position that drifts moves i
 REVERSALS, DEAD = 20, 10
 """Reversals of the velocity from one sample to the next, without repetitions, which show that an encoder has noise:
 motion alone does not make them. And repetitions in a row that it has not then: it has died."""
+SIGNIFICANT: Final = 4.5
+"""Standard deviations of a mean that are no noise."""
 MOVES: Final = 0.02
 """Speed from which neither friction nor noise hides that a joint moves [rad/s]."""
 

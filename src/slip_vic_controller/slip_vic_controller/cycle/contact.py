@@ -74,7 +74,7 @@ def load_at_rest(config: ControllerConfig, state: ArmState, gains: LawGains, arm
 @part
 def begin_pad(config: ControllerConfig, state: ArmState, arm: Arm, gains: LawGains) -> None:
     """Initialise a pad: its load is that of the object at rest."""
-    grip, weighed = state.grip.actual / config.grip.nominal, state.tare.mass_share != 0.0
+    grip, weighed = state.grip.actual / config.grip.nominal_force, state.tare.mass_share != 0.0
     governor.start_pad(config.governor, state.pad, load_at_rest(config, state, gains, arm), bool(weighed), grip)
 
 
@@ -86,7 +86,7 @@ def squeeze(config: ControllerConfig, task: TaskState, state: ArmState, dt: floa
     if task.governor.planned == 1:
         load = max(load, load_ahead(task.grid, task.governor.time, config.grip.preview_s))
     follow_load(config.grip, state.grip, load, pad.contact.F_median, dt)
-    pad.grip = state.grip.actual / config.grip.nominal
+    pad.grip = state.grip.actual / config.grip.nominal_force
 
 
 @part

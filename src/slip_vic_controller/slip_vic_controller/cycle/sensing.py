@@ -93,7 +93,7 @@ def sense(
         samples[k].slip_twist[:] = state.slip_inputs[k].values
         if slip_unknown:
             samples[k].slip_twist[:] = 0.0
-    samples[0].slip_twist[:] -= state.tare.slip_bias
+    samples[0].slip_twist[:] -= state.tare.slip.bias[:6]
     put_spatial(samples[0].wrench, own_wrench(config, state, mat(inputs.arm.rotation)))
     if slip_unknown:
         state.queue.count = 0

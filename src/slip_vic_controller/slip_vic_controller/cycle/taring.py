@@ -9,8 +9,7 @@ import numpy as np
 from slip_core.compiled import part
 from slip_core.records import Records
 from slip_core.vectors import ZERO, Spatial, Vec, mat, put_spatial, vec
-from slip_vic_controller.arm.joint_estimate import Finding
-from slip_vic_controller.arm.tare import add, add_slip, measure_at_rest, measure_without_rest, start_tare, take_biases
+from slip_vic_controller.arm.tare import add, add_slip, measure_at_rest, start_tare, take_biases
 from slip_vic_controller.cycle.wrench import arm_of_load, tared_wrench
 from slip_vic_controller.law.contact import pad_rotation
 from slip_vic_controller.safety.hold import object_load
@@ -76,12 +75,11 @@ def tare(config: ControllerConfig, state: ArmState, inputs: CycleInputs, togethe
         if over:
             put_spatial(six, expected)
             take_biases(config.tare, tare, six, stamp_ns, state.joint.last.position[:n])
-    elif tare.done == 0:  # FAULT damps the same velocities as HOLD
-        tare.watched, wrong = 0, state.estimate.finding != Finding.NONE
-        measure_without_rest(config.tare, tare, state.joint.last.velocity[: config.law.joints], wrong)
+    elif tare.done == 0:
+        tare.watched, tare.begun_ns = 0, NEVER
     for k in range(queue.count):
         for i in range(6):
-            queue.samples[k].twist[i] -= tare.slip_bias[i]
+            queue.samples[k].twist[i] -= tare.slip.bias[i]
     return bool(tare.mass_share != mass_share)
 
 

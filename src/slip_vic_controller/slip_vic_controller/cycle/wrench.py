@@ -38,7 +38,7 @@ def own_wrench(config: ControllerConfig, state: ArmState, R_ee: Mat) -> Spatial:
     measured = measured_wrench(config, state, R_ee)
     if state.wrench_modelled != 0:
         return measured
-    return measured - spatial(state.tare.wrench_bias)
+    return measured - spatial(state.tare.wrench.bias)
 
 
 @part
@@ -98,5 +98,5 @@ def model_wrench(config: ControllerConfig, task: TaskState, state: ArmState, inp
 def shows_loss(config: ControllerConfig, state: ArmState, inputs: CycleInputs) -> bool:
     """Return whether the sensor reads much less than the model's wrench, or another one: the object may be lost."""
     R = mat(inputs.arm.rotation)
-    read = wrench_at_pad(config.wrench_sensor, state.wrench_inputs[0].values, R) - spatial(state.tare.wrench_bias)
+    read = wrench_at_pad(config.wrench_sensor, state.wrench_inputs[0].values, R) - spatial(state.tare.wrench.bias)
     return (read - spatial(state.wrench_of_model[0])).linear.norm() > LOSS * vec(config.hold.weight).norm()

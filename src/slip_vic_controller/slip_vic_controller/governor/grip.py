@@ -20,9 +20,9 @@ class GripConfig(Record):
     """How the grip may be commanded."""
 
     follow: Whole  # whether it is commanded
-    nominal: Real  # N, for which friction is configured; never less than this
-    most: Real  # N
-    rate: Real  # N/s, of the command
+    nominal_force: Real  # N, for which friction is configured; never less than this
+    force_limit: Real  # N
+    command_rate: Real  # N/s
     lag_s: Real  # s, of the gripper
     preview_s: Real  # s
     margin: Real  # share of friction that the load may take
@@ -38,7 +38,7 @@ class Grip(Record):
 @part
 def start_grip(config: GripConfig, grip: Grip) -> None:
     """Begin with the configured grip."""
-    grip.command = grip.actual = config.nominal
+    grip.command = grip.actual = config.nominal_force
 
 
 @part
@@ -76,8 +76,10 @@ def follow_load(config: GripConfig, grip: Grip, load: float, F_nominal: float, d
         F_nominal: friction limit at the nominal grip [N].
         dt: since the cycle before [s].
     """
-    wanted = min(max(load * config.nominal / (config.margin * F_nominal), config.nominal), config.most)
+    wanted = min(
+        max(load * config.nominal_force / (config.margin * F_nominal), config.nominal_force), config.force_limit
+    )
     share = 1.0 - math.exp(-dt / config.lag_s) if config.lag_s > 0.0 else 1.0
     grip.actual += share * (grip.command - grip.actual)
-    most = config.rate * dt
+    most = config.command_rate * dt
     grip.command = min(max(wanted, grip.command - most), grip.command + most)

@@ -109,7 +109,7 @@ def begin_answer(
     i.present, i.now_ns, i.request, i.missing = 1, now_ns, request, missing
     if usable(fault) or fault == Reason.NOT_RUN:
         for j in range(c.estimator.joints):
-            s.joint.answers.velocity[j] -= s.tare.velocity_bias[j]
+            s.joint.answers.velocity[j] -= s.tare.velocity.bias[j]
         use_estimate(c.estimator, s.estimate, s.joint.answers)
         return True
     foreign = fault == Reason.JUMP and s.outside == Reason.SECOND_PUBLISHER
