@@ -7,7 +7,7 @@ the time of measurement. 6-vectors are linear part first.
 from __future__ import annotations
 
 from dataclasses import MISSING, dataclass, fields
-from typing import Any, Literal, TypeVar, cast, dataclass_transform, get_args
+from typing import Any, Final, Literal, TypeVar, cast, dataclass_transform, get_args
 
 import numpy as np
 
@@ -15,6 +15,8 @@ from slip_core.arrays import Array, readonly
 
 _FLOAT64 = np.dtype(np.float64)
 T = TypeVar("T")
+AXES: Final = ("x", "y", "z", "rx", "ry", "rz")
+"""Names of the coordinates of a 6-vector."""
 
 
 def _frozen(values: Array) -> Array:

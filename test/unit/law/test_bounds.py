@@ -9,7 +9,14 @@ import numpy as np
 import pytest
 
 from slip_core.errors import InputError
-from slip_vic_controller.law.bounds import held_sample_limit, judge_gains, slip_gain_limit
+from slip_vic_controller.law.bounds import (
+    delay_margin,
+    held_sample_limit,
+    judge_gains,
+    judge_stiffness,
+    slip_gain_limit,
+    stiffness_limit,
+)
 
 T = 1e-3
 NEAR = 0.01  # how far below and above the bound the simulation is tried
@@ -100,3 +107,44 @@ def test_lambdas_are_what_the_propositions_ask() -> None:
     assert report.used > 1.0 / inside_2
     assert inside_1 * inside_2 < 1.0
     assert all(condition.holds for condition in report.conditions)
+
+
+IMPEDANCES = [(5.0, 2.5, 0.4), (400.0, 25.0, 0.4), (500.0, 2.5, 0.4), (4.5, 2.2, 0.3), (1e5, 50.0, 0.4)]
+
+
+@pytest.mark.parametrize(("K", "D", "M"), IMPEDANCES)
+def test_at_the_delay_margin_an_impedance_swings_for_ever(K: float, D: float, M: float) -> None:
+    """The quasi-polynomial M s^2 + (D s + K) exp(-s T) has a root on the imaginary axis."""
+    delay_s = delay_margin(K, D, M)
+    w = np.sqrt(0.5 * ((D / M) ** 2 + np.sqrt((D / M) ** 4 + 4.0 * (K / M) ** 2)))
+    assert abs(M * (1j * w) ** 2 + (D * 1j * w + K) * np.exp(-1j * w * delay_s)) < 1e-9 * (K + D * w)
+    assert stiffness_limit(D, M, delay_s) == pytest.approx(K, rel=1e-6)
+
+
+@pytest.mark.parametrize(("K", "D", "M"), IMPEDANCES)
+@pytest.mark.parametrize(("share", "decays"), [(0.9, True), (1.1, False)])
+def test_an_error_decays_below_the_delay_margin_and_grows_above(
+    K: float, D: float, M: float, share: float, decays: bool
+) -> None:
+    delay_s, steps = share * delay_margin(K, D, M), 400
+    dt = delay_s / steps
+    e, v, past = 1.0, 0.0, deque([(1.0, 0.0)] * steps)
+    most = []
+    for _ in range(60):  # delays, in which a crossover of pi/2 per delay turns many times
+        peak = 0.0
+        for _ in range(steps):
+            late_e, late_v = past.popleft()
+            v -= dt * (K * late_e + D * late_v) / M
+            e += dt * v
+            past.append((e, v))
+            peak = max(peak, abs(e))
+        most.append(peak)
+    assert (max(most[-20:]) < max(most[20:40])) == decays
+
+
+def test_a_stiffness_beyond_the_delay_is_refused_with_its_axis() -> None:
+    conditions = judge_stiffness(
+        np.array([5.0, 5.0, 1e4, 4.5, 4.5, 4.5]), DAMPING, np.array([0.4, 0.4, 0.4, 0.3, 0.3, 0.3]), 0.005
+    )
+    assert [one.name for one in conditions if not one.holds] == ["K_D z"]
+    assert conditions[2].limit == pytest.approx(stiffness_limit(DAMPING[2], 0.4, 0.005))

@@ -11,10 +11,11 @@ import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.files.urdf import parse_urdf
+from slip_core.types import AXES
 from slip_sim_bridge.params import BridgeParams
 from slip_vic.page.packing import Packer
 from slip_vic.page.urdf import links_of
-from slip_vic.run.data import AXES, ArmData, Channel, RunData
+from slip_vic.run.data import ArmData, Channel, RunData
 
 STEP_S: Final = 0.004
 MOST_FRAMES: Final = 4000

@@ -11,12 +11,12 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from slip_core.arrays import Array
+from slip_core.types import AXES
 from slip_vic.retime.certificate import Certificate, Motion
 from slip_vic_controller.path.joint_path import POSE_COLUMNS
 
 GOAL_PERIOD_S = 0.02
 """Points of the goal for an action server: it interpolates between them."""
-AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
 def write_csv(path: Path, names: tuple[str, ...], motion: Motion) -> None:

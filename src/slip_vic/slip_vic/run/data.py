@@ -21,9 +21,8 @@ from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.files.plain_yaml import read_yaml
 from slip_core.params import flat_names
-from slip_core.types import INTERFACES
+from slip_core.types import AXES, INTERFACES
 
-AXES: Final = ("x", "y", "z", "rx", "ry", "rz")
 OF_TOPICS: Final[Mapping[str, tuple[str, ...]]] = {
     "joints": ("joint_states", "position"),
     "joint_velocity": ("joint_states", "velocity"),

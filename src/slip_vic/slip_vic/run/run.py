@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from slip_core.arrays import Array
-from slip_vic.run.data import AXES, ArmData
+from slip_core.types import AXES
+from slip_vic.run.data import ArmData
 from slip_vic.run.judge import Outcome, Verdict
 from slip_vic.run.track import Track
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from slip_core.arrays import Array
 from slip_core.compiled import INT, REAL, kernel
 from slip_core.errors import InputError
+from slip_core.types import AXES
 
 Mode = Literal["auto", "fixed"]
 
@@ -18,6 +20,7 @@ class Condition(NamedTuple):
     """One condition: its name, the value, the limit it is compared with, and the reason.
 
     margin: how many times better than needed; below 1 the condition does not hold.
+    parameter: what to change then; upper: whether the limit is the largest value that holds.
     """
 
     name: str
@@ -25,6 +28,8 @@ class Condition(NamedTuple):
     limit: float
     margin: float
     reason: str
+    parameter: str
+    upper: bool = True
 
     @property
     def holds(self) -> bool:
@@ -103,6 +108,42 @@ def internal_gain_limit(inertia: float, stiffness: float, delay_s: float) -> flo
     return INTERNAL_BOUND * inertia / (stiffness * delay_s * delay_s)
 
 
+def delay_margin(stiffness: float, damping: float, inertia: float) -> float:
+    """Return the delay [s] at which M s^2 + (D s + K) e^(-s T) loses its stability: phase margin over crossover.
+
+    |K + j w D| = M w^2 gives the crossover w, and the phase margin there is atan(w D / K).
+    """
+    ratio, rate = stiffness / inertia, damping / inertia
+    w = math.sqrt(0.5 * (rate * rate + math.hypot(rate * rate, 2.0 * ratio)))
+    return math.atan2(w * rate, ratio) / w
+
+
+def stiffness_limit(damping: float, inertia: float, delay_s: float) -> float:
+    """Return the K [N/m, N m/rad] whose `delay_margin` is a delay [s]; 0 where the damping alone swings.
+
+    More stiffness moves the crossover up and takes phase away: the margin falls with K, and K < D / T, where no phase
+    is left at small crossovers, bounds it from above.
+    """
+    low, high = 0.0, damping / delay_s
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if delay_margin(middle, damping, inertia) > delay_s else (low, middle)
+    return low
+
+
+def judge_stiffness(stiffness: Array, damping: Array, inertia: Array, delay_s: float) -> tuple[Condition, ...]:
+    """Judge the stiffness of each axis by what a delay admits; diagonals (6,) [N/m, N m/rad, ...], delay [s]."""
+    found = []
+    for axis, K, D, M in zip(AXES, stiffness, damping, inertia, strict=True):
+        limit = stiffness_limit(D, M, delay_s)
+        reason = (
+            f"with {1e3 * delay_s:.3g} ms from a measurement to the motion that it causes the impedance swings from "
+            f"there on about axis {axis}; more damping admits more"
+        )
+        found.append(Condition(f"K_D {axis}", K, limit, limit / K, reason, "gains.stiffness"))
+    return tuple(found)
+
+
 def slip_gain_limit(control_period_s: float, sensor_period_s: float = 0.0, latency_s: float = 0.0) -> float:
     """Return the k_s [1/s] at which the sampled slip loop v' = -k_s v(last sample) stops decaying.
 
@@ -151,31 +192,41 @@ def judge_gains(
     product = lambda_1[0] * lambda_2[0]
     conditions = (
         Condition(
-            SAMPLED, used, accepted, accepted * (1.0 + ROUNDING) / used,
+            "k_s sampled", used, accepted, accepted * (1.0 + ROUNDING) / used,
             f"stable below {limit:.6g} 1/s with a control period of {1e3 * control_period_s:g} ms, a slip sample every "
             f"{1e3 * max(sensor_period_s, control_period_s):g} ms and {1e3 * latency_s:g} ms late, drives included; "
-            f"a gain margin of {gain_margin:g} is kept",
+            f"a gain margin of {gain_margin:g} is kept", "gains.k_s",
         ),
-        Condition(PROP_1, least, 1.0, least, "Prop. 1: lambda_min(D_D) > 1/lambda_1 needs a lambda_1 below 1"),
-        Condition(PROP_2, used, 1.0, used, "Prop. 2: k_s > 1/lambda_2 needs a lambda_2 below 1"),
         Condition(
-            PROP_3, product, 1.0, 1.0 / product,
-            "Prop. 3: lambda_1 lambda_2 < 1, with the smallest that Prop. 1 and 2 allow",
+            "D_D (Prop. 1)", least, 1.0, least, "Prop. 1: lambda_min(D_D) > 1/lambda_1 needs a lambda_1 below 1",
+            "gains.damping", upper=False,
+        ),
+        Condition(
+            "k_s (Prop. 2)", used, 1.0, used, "Prop. 2: k_s > 1/lambda_2 needs a lambda_2 below 1",
+            "gains.k_s", upper=False,
+        ),
+        Condition(
+            "small gain (Prop. 3)", product, 1.0, 1.0 / product,
+            "Prop. 3: lambda_1 lambda_2 < 1, with the smallest that Prop. 1 and 2 allow", "gains.damping",
         ),
     )  # fmt: skip
-    for condition in conditions if refuse else ():
+    report = GainReport(k_s, used, accepted, lambda_1, lambda_2, conditions)
+    if refuse:
+        check(report.conditions)
+    return report
+
+
+def check(conditions: Iterable[Condition]) -> None:
+    """Raise the first condition that does not hold as an InputError, with the parameter that it is about."""
+    for condition in conditions:
         if not condition.holds:
             raise InputError(
-                f"parameter {_PARAMETER[condition.name]}",
+                f"parameter {condition.parameter}",
                 got=f"{condition.value:g}",
-                expected=f"{'at most' if condition.name == SAMPLED else 'more than'} {condition.limit:.6g}",
+                expected=f"{'at most' if condition.upper else 'more than'} {condition.limit:.6g}",
                 fix=condition.reason,
             )
-    return GainReport(k_s, used, accepted, lambda_1, lambda_2, conditions)
 
 
 ROUNDING = 1e-5
 """A k_s typed with the six digits of the message that refused the last one is accepted."""
-
-SAMPLED, PROP_1, PROP_2, PROP_3 = "k_s sampled", "D_D (Prop. 1)", "k_s (Prop. 2)", "small gain (Prop. 3)"
-_PARAMETER = {SAMPLED: "gains.k_s", PROP_1: "gains.damping", PROP_2: "gains.k_s", PROP_3: "gains.damping"}

@@ -16,7 +16,7 @@ import numpy as np
 from slip_core.arrays import Array, inertia_from_six, vector
 from slip_core.compiled import IN1, INT, OUT1, VOID, kernel, part
 from slip_core.records import Mat3, Real, Record, Vec3, Vec6, Whole, dtype_of, new, record
-from slip_vic_controller.law.bounds import GainReport, judge_gains
+from slip_vic_controller.law.bounds import Condition, GainReport, check, judge_gains, judge_stiffness
 from slip_vic_controller.params.controller_params import ControllerParams, GainParams
 
 UNKNOWN_LAG = 0.3
@@ -137,14 +137,13 @@ def gain_report(params: ControllerParams, *, refuse: bool = True) -> GainReport:
     An observer takes those of the sensor out, and the prediction of the slip those of the drives, as far as known.
 
     Raises:
-        InputError: where `refuse`, a k_s that is fixed beyond its bound, or damping for which a proposition has no
-            lambda.
+        InputError: where `refuse`, a k_s that is fixed beyond its bound, damping for which a proposition has no lambda,
+            or a stiffness that the delays do not admit.
     """
     direct, unknown = params.slip_estimator == "measured", UNKNOWN_LAG if params.foresees_slip else 1.0
     real = params.estimates_joints and params.bounded_authority
     lag_s = max(unknown * params.drive_lag_s, LEAST_DELAY_S if real else 0.0)
-    unsafe = refuse and params.controller != "classical"  # without a slip loop nothing is
-    return judge_gains(
+    report = judge_gains(
         np.array(params.gains.damping),
         params.gains.k_s,
         params.gains.k_s_mode,
@@ -152,8 +151,24 @@ def gain_report(params: ControllerParams, *, refuse: bool = True) -> GainReport:
         control_period_s=params.control_period_s,
         sensor_period_s=params.slip_sensor.period_s if direct else 0.0,
         latency_s=(params.slip_sensor.latency_s if direct else 0.0) + lag_s,
-        refuse=unsafe,
+        refuse=refuse and params.controller != "classical",  # without a slip loop none is unsafe
     )
+    stiff = judge_impedance(params)
+    if refuse:
+        check(stiff)
+    return report._replace(conditions=(*report.conditions, *stiff))
+
+
+def judge_impedance(params: ControllerParams) -> tuple[Condition, ...]:
+    """Judge the stiffness in effect, with a period and the delay that the prediction of the joints leaves."""
+    buffer = new(GAINS)
+    gains: Gains = record(buffer, GAINS)
+    fill_gains(params.gains, np.ones(6), params.gains.k_s, gains, classical=True)
+    slow_down(gains, params.fastest_rate)
+    sensor = params.joint_sensor
+    known_s = params.drive_lag_s + sensor.latency_s + sensor.filter_s
+    late_s = max(UNKNOWN_LAG * known_s, LEAST_DELAY_S) if params.estimates_joints else 0.0
+    return judge_stiffness(gains.K_D, gains.D_D, gains.M_D, params.control_period_s + late_s)
 
 
 def steady(gains: Array) -> Array:

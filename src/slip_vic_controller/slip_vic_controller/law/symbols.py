@@ -10,6 +10,7 @@ import numpy as np
 from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Records, Vec6, WholeArray, dtype_of, record
+from slip_core.types import AXES
 from slip_core.vectors import ZERO, Mat, Spatial, Vec, mat, put_spatial, spatial, vec
 from slip_vic_controller.law.arm import Arm
 from slip_vic_controller.law.config import LawConfig
@@ -82,8 +83,6 @@ class Symbols(Record):
 
 
 SYMBOLS = dtype_of(Symbols)
-
-AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
 @functools.lru_cache

@@ -8,11 +8,11 @@ from typing import Any
 
 from slip_core.timing import ERROR, OK, WARN
 from slip_core.topics import WORLD
+from slip_core.types import AXES
 from slip_msgs_py.fast_io import Sender, create_sender
 from slip_msgs_py.messages import forms, to_msgs
 from slip_msgs_py.node_shell import OnceEvery
 from slip_msgs_py.qos import create_publisher
-from slip_vic_controller.law.symbols import AXES
 from slip_vic_controller.node.timing import SCALARS, CycleTiming
 from slip_vic_controller.params.node_params import ControllerNodeParams
 from slip_vic_controller.session.cycle_result import CycleResult
