@@ -19,7 +19,7 @@ from slip_vic.scenarios.scenario import load_scenario, read_parameters
 from slip_vic.setup.arm import posture
 from slip_vic.setup.arm.hand import find_hand
 from slip_vic.setup.arm.posture import Start
-from slip_vic.setup.arm.write import Arm, failing, write_arm
+from slip_vic.setup.arm.write import ROTOR, Arm, failing, write_arm
 from slip_vic.setup.arm.write_urdf import PAD, possible_inertia
 from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.params.node_params import ControllerNodeParams
@@ -46,7 +46,7 @@ def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def planar() -> tuple[Arm, dict[str, Any], Start]:
     """Return the arm, and its start in paper_planar."""
     arm = Arm(URDF)
-    return arm, *arm.task("paper_planar", 1.0)
+    return arm, *arm.task("paper_planar", 1.0)[:2]
 
 
 def test_the_hand_is_found() -> None:
@@ -105,6 +105,18 @@ def test_an_inertia_that_no_body_has_becomes_the_nearest_possible() -> None:
     assert any("link_2" in line and "principal moments" in line for line in arm.said)
 
 
+def test_a_wrist_without_inertia_gets_that_of_a_rotor() -> None:
+    light = URDF
+    for link in ("link_6", "gripper", "left_finger", "right_finger"):
+        for key in ("ixx", "iyy", "izz"):
+            light = with_link(light, link, f'{key}="[^"]*"', f'{key}="1e-7"')
+        light = with_link(light, link, 'mass value="[^"]*"', 'mass value="1e-3"')
+    content, _, said = Arm(light).task("paper_planar", 1.0)
+    assert content["shared"]["drive"] == {"armature": [ROTOR]}
+    assert "joint_6" in said[0]
+    assert "drive" not in planar()[1]["shared"]
+
+
 def test_the_folder_runs_from_anywhere(file: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     arm, content, start = planar()
     assert failing(start, arm.robot, load_scenario("paper_planar").controller) == ""
@@ -124,7 +136,7 @@ def test_the_folder_runs_from_anywhere(file: Path, monkeypatch: pytest.MonkeyPat
 
 def test_the_start_has_the_hand_in_the_attitude_of_the_scenario() -> None:
     arm, known = Arm(URDF), load_scenario("vertical_plane")
-    _, start = arm.task("vertical_plane", 0.5)
+    _, start, _ = arm.task("vertical_plane", 0.5)
     own = Robot(known.urdf, known.controller.ee_frame, known.controller.joint_names)
     wanted = own.frame(np.array(known.bridge.initial_position))[1]
     np.testing.assert_allclose(arm.robot.frame(start.posture)[1], wanted, atol=2 * REACHED)

@@ -57,8 +57,10 @@ def arm(
     tasks = {}
     for scenario in names(scenarios):
         name = Path(scenario).stem
-        tasks[name], start = made.task(scenario, scale)
+        tasks[name], start, said = made.task(scenario, scale)
         Console().print(way_table(made, name, start))
+        for line in said:
+            click.echo(line)
     folder = out or Path(urdf.name.partition(".")[0])
     for path in write_arm(made, tasks, folder, urdf, drive):
         click.echo(path)

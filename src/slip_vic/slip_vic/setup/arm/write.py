@@ -15,6 +15,7 @@ from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.files.plain_yaml import read_yaml
 from slip_core.files.urdf import NO_LIMIT, parse_urdf
+from slip_core.records import new, record
 from slip_vic.scenarios import scenario_text
 from slip_vic.scenarios.parameter_files import commented_file, write_files
 from slip_vic.scenarios.reach import pad_path
@@ -23,11 +24,15 @@ from slip_vic.setup.arm.hand import LEAST_JOINTS, Hand, find_hand
 from slip_vic.setup.arm.posture import Start, best_start, postures
 from slip_vic.setup.arm.write_urdf import PAD, arm_urdf
 from slip_vic_controller.arm.robot import Robot
+from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.params.node_params import ControllerNodeParams
 
 URDF_NAME = "arm.urdf"
 LONGEST_REACH_M = 1.0
+WRIST_SHARE, ROTOR = 0.1, 1e-3
+"""Share of the object's inertia below which that of a joint is too small to be all there is: a URDF leaves out its
+rotor. Inertia that one has behind its gears at least [kg m2]; with 0.2 of it the laws already work as with 20 times."""
 _ROUNDED = 9
 _LENGTHS = {"displacement", "rotation", "waypoints", "radius"}
 _TIMES = {"start_s", "duration_s", "waypoint_times_s", "period_s", "ramp_s"}
@@ -75,8 +80,8 @@ class Arm:
         self.said = [*self.hand.said, *said, *reach_advice(reach)]
         self.robot = Robot(self.urdf, PAD, self.hand.joints)
 
-    def task(self, base: str, scale: float) -> tuple[dict[str, Any], Start]:
-        """Return the content of a scenario file for this arm, and the start that was found for it.
+    def task(self, base: str, scale: float) -> tuple[dict[str, Any], Start, list[str]]:
+        """Return the content of a scenario file for this arm, the start that was found for it, and what was assumed.
 
         Args:
             base: a scenario; its arm's hand starts in the attitude that this one's starts in.
@@ -105,7 +110,26 @@ class Arm:
                 expected="a start from which its path can be followed",
                 fix=fix,
             )
-        return self._content(base, start, scale), start
+        content, light = self._content(base, start, scale), self.light_joints(start.posture, controller)
+        if not light:
+            return content, start, []
+        content["shared"]["drive"] = {"armature": [ROTOR]}
+        said = (
+            f"{', '.join(light)}: hardly any inertia in the URDF, which leaves out rotors; drive.armature {ROTOR:g} "
+            "kg m2 is assumed for every joint: correct it from the data sheet"
+        )
+        return content, start, [said]
+
+    def light_joints(self, q: Array, params: ControllerParams) -> list[str]:
+        """Return the joints that feel hardly any inertia of the arm in a posture (n,), beside that of the object.
+
+        An impedance law cancels what is there: where it is next to nothing, every error of a torque is a large
+        acceleration.
+        """
+        buffer = new(ARM)
+        self.robot.terms(q, np.zeros(len(q)), buffer)
+        inertia = np.diag(record(buffer, ARM).M)[: len(q)]
+        return [self.hand.joints[j] for j in np.flatnonzero(inertia < WRIST_SHARE * min(params.object.inertia[:3]))]
 
     def _content(self, base: str, start: Start, scale: float) -> dict[str, Any]:
         text = scenario_text(base)
