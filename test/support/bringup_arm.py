@@ -15,7 +15,7 @@ from slip_sim_bridge.params import BridgeParams
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic.setup.bringup.hands import Simulated
-from slip_vic.setup.bringup.heard import BRIDGE, Heard, Status, Track
+from slip_vic.setup.bringup.heard import BRIDGE, SCALARS, Heard, Status, Track
 from slip_vic.setup.bringup.walk import Verdict, Walk
 from slip_vic_controller.node.goal import GoalInterface
 from slip_vic_controller.params.node_params import ControllerNodeParams
@@ -28,7 +28,6 @@ BRINGUP = (
 SENSORS = ("ideal", "optical_flow_120", "event_1000", "force_tactile_500", "vision_60", "vision_25")
 DRIVES = ("", "torque_joint", "velocity_500", "velocity_125", "position_250")
 SCENARIOS = ("paper_planar", "vertical_plane", "glass_transport")
-SCALARS = ("friction_limit", "load_commanded", "friction_events", "slipping")
 DECIMATION = 10
 
 
@@ -98,13 +97,10 @@ class Loop:
             slips += [(now, s.stamp_ns * 1e-9, _numbers(s)) for s in outputs.arms[0].slips]
             if tick % DECIMATION == 0 and len(result.command.numbers):
                 found = result.scalars()
-                scalars.append([found[name] for name in SCALARS])
+                scalars.append((now, now, [found[name] for name in SCALARS]))
             self.loop.bridge.advance([self._changed(result)])
-        rows = np.array(scalars).reshape(-1, len(SCALARS))
         n = len(self.params.joint_names)
-        return Heard(
-            _track(joints, 2 * n), _track(wrenches, 6), _track(slips, 6), dict(zip(SCALARS, rows.T, strict=True))
-        )
+        return Heard(_track(joints, 2 * n), _track(wrenches, 6), _track(slips, 6), _track(scalars, len(SCALARS)))
 
     def _changed(self, result: Any) -> Any:
         command = result.command

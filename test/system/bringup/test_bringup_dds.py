@@ -52,7 +52,6 @@ def test_a_healthy_system_is_led_to_its_first_motion_and_an_error_is_found(
     system.tune({"sensors.slip.faults.bias": [0.02, 0.0, 0.0, 0.0, 0.0, 0.0]}, BRIDGE)
     hand = Simulated(system, system.parameters(["hold.stiffness", "grip.force"], BRIDGE))
     last = list(Walk(system, hand).steps())[-1]
-    system.close()
     assert last.step == "rest"
     assert "calibrate it" in last.fix
     processes.stop(running, signal.SIGINT)

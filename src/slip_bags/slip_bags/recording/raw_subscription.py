@@ -26,7 +26,7 @@ class RawSubscription:
 
     def __init__(self, node: Node, message_class: type, topic: str, profile: QoSProfile) -> None:
         self._node = node
-        self._class = message_class
+        self.kind = message_class
         self._subscription = node.create_subscription(message_class, topic, lambda _: None, profile, raw=True)
         self._last_ns = 0
 
@@ -37,7 +37,7 @@ class RawSubscription:
         """
         handle = self._subscription.handle
         with handle:
-            while (taken := handle.take_message(self._class, True)) is not None:
+            while (taken := handle.take_message(self.kind, True)) is not None:
                 data, info = taken
                 self._last_ns = max(self._last_ns, info["received_timestamp"])
                 number = info["publication_sequence_number"] or 0

@@ -7,23 +7,18 @@ the cost does not grow with the work of the page.
 from __future__ import annotations
 
 import time
-from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
 from rcl_interfaces.srv import GetParameters
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
-from rclpy.serialization import deserialize_message
 
-from slip_bags.recording.raw_subscription import RawSubscription
 from slip_core.stamps import stamp_to_ns
-from slip_core.topics import TOPICS
 from slip_msgs_py.messages.from_msgs import vector6
-from slip_msgs_py.qos import message_class, profile
+from slip_msgs_py.qos import profile
 from slip_sim_bridge.params import BridgeParams
 from slip_vic.page.audience import Audience
 from slip_vic.page.packing import Packer
@@ -31,6 +26,7 @@ from slip_vic.page.plots import describe_plots, plot_series
 from slip_vic.page.runs import NO_PATH, Arm, Run, arm_of, describe
 from slip_vic.page.urdf import box_of
 from slip_vic.run.data import ArmData, Channel
+from slip_vic.run.peer import Asker, Listener
 
 MODE: Final = "controller/mode"
 NEWEST: Final = ("joint_states", "wrench", "slip_truth", "controller/scalars", "object_state")
@@ -44,34 +40,12 @@ SILENT_S: Final = 2.0
 """So long without joint states the page reports that nothing arrives."""
 
 
-class Topic:
-    """The newest message of one topic."""
-
-    def __init__(self, node: Node, full: str, name: str) -> None:
-        self._class, latched = message_class(TOPICS[name].type), name in LATCHED
-        self.full = full
-        newest = profile(1, reliable=latched, latched=latched)
-        self._subscription = RawSubscription(node, self._class, full, newest)
-        self.newest: Any = None
-
-    def take(self) -> bool:
-        """Take what is there; return whether there is something new."""
-        last = deque(self._subscription.drain(), maxlen=1)
-        if last:
-            self.newest = deserialize_message(last[0].data, self._class)
-        return bool(last)
-
-    def close(self) -> None:
-        """Unsubscribe."""
-        self._subscription.close()
-
-
 @dataclass(slots=True)
 class WatchedArm:
     """The topics of one namespace, and what was asked of its controller."""
 
     name: str
-    topics: dict[str, Topic]
+    topics: dict[str, Listener]
     parameters: dict[str, Any] = field(default_factory=dict)
 
     def text(self, name: str) -> str | None:
@@ -94,7 +68,7 @@ class Watcher:
     """
 
     def __init__(self, node: Node, namespace: str) -> None:
-        self._node, self._wanted = node, namespace.strip("/")
+        self._node, self._asker, self._wanted = node, Asker(node), namespace.strip("/")
         self.arms: list[WatchedArm] = []
         self._next_discovery = 0.0
         self._start_ns = 0
@@ -107,13 +81,13 @@ class Watcher:
         if now >= self._next_discovery:
             self._next_discovery = now + DISCOVERY_S
             self._discover()
-        fresh = [arm.topics["joint_states"].take() for arm in self.arms]
+        fresh = [arm.topics["joint_states"].see() for arm in self.arms]
         if not any(fresh):
             return None
         for arm in self.arms:
             for name, topic in arm.topics.items():
                 if name != "joint_states":
-                    topic.take()
+                    topic.see()
         ready = [arm for arm in self.arms if arm.complete]
         if not ready:
             return None
@@ -159,8 +133,12 @@ class Watcher:
             wanted = not self._wanted or name == self._wanted
             if last != "joint_states" or name in known or not wanted or not self._node.count_publishers(full):
                 continue
-            topics = {one: Topic(self._node, f"{prefix}/{one}", one) for one in (*NEWEST, *LATCHED)}
-            self.arms.append(WatchedArm(name, topics, ask_parameters(self._node, f"{prefix}/{NODE}")))
+            topics = {
+                one: Listener(self._node, one, f"{prefix}/{one}", profile(1, reliable=latched, latched=latched))
+                for latched, names in ((False, NEWEST), (True, LATCHED))
+                for one in names
+            }
+            self.arms.append(WatchedArm(name, topics, ask_parameters(self._asker, f"{prefix}/{NODE}")))
             self.forget()
 
     def _begin(self, run: Run) -> None:
@@ -228,26 +206,15 @@ def frame(time_s: float, run: Run) -> bytes:
     return np.concatenate(parts).astype("<f4").tobytes()
 
 
-def ask_parameters(node: Node, name: str) -> dict[str, Any]:
-    """Return what a controller reports of itself; empty where there is none.
-
-    A node of its own asks: the other one is in no executor, so that nothing but `Topic.take` takes its messages.
-    """
-    asker = Node("slip_vic_watch_ask", context=node.context, start_parameter_services=False, enable_rosout=False)
-    executor = SingleThreadedExecutor(context=node.context)
-    executor.add_node(asker)
+def ask_parameters(asker: Asker, name: str) -> dict[str, Any]:
+    """Return what a controller reports of itself; empty where there is none."""
+    request = GetParameters.Request(names=list(ASKED))
     try:
-        client = asker.create_client(GetParameters, f"{name}/get_parameters")
-        if not client.wait_for_service(ASK_S):
-            return {}
-        future = client.call_async(GetParameters.Request(names=list(ASKED)))
-        executor.spin_until_future_complete(future, timeout_sec=ASK_S)
-        answer = future.result()
-        values = [] if answer is None else answer.values
-        return {key: parameter_value_to_python(v) for key, v in zip(ASKED, values, strict=False) if v.type}
-    finally:
-        executor.shutdown()
-        asker.destroy_node()
+        answer = asker.call(GetParameters, f"{name}/get_parameters", request, ASK_S)
+    except LookupError:
+        return {}
+    values = [] if answer is None else answer.values
+    return {key: parameter_value_to_python(v) for key, v in zip(ASKED, values, strict=False) if v.type}
 
 
 def watch(node: Node, audience: Audience, namespace: str, stop: Callable[[], object]) -> None:

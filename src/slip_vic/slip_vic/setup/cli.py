@@ -109,17 +109,14 @@ def bringup(namespace: str, domain_id: int | None, simulated: bool, out: Path) -
 
     with ros_node("slip_vic_bringup") as node:
         system = RosSystem(node, namespace)
-        try:
-            hands: Hands = Person(system, system.params.joint_names)
-            if simulated:
-                hands = Simulated(system, system.parameters(["hold.stiffness", "grip.force"], BRIDGE))
-            walk = Walk(system, hands)
-            for verdict in walk.steps():
-                click.echo(str(verdict), err=not verdict.holds)
-                if not verdict.holds:
-                    raise click.exceptions.Exit(1)
-        finally:
-            system.close()
+        hands: Hands = Person(system, system.params.joint_names)
+        if simulated:
+            hands = Simulated(system, system.parameters(["hold.stiffness", "grip.force"], BRIDGE))
+        walk = Walk(system, hands)
+        for verdict in walk.steps():
+            click.echo(str(verdict), err=not verdict.holds)
+            if not verdict.holds:
+                raise click.exceptions.Exit(1)
     write_files(out.parent, {out.name: walk.parameter_file()})
     click.echo(f"{out}: noise, rate and latency as measured")
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -12,6 +12,7 @@ from slip_core.arrays import Array
 
 BRIDGE: Final = "slip_sim_bridge"
 """Node of the simulated arm."""
+SCALARS: Final = ("friction_limit", "load_commanded", "friction_events", "slipping")
 
 
 class Status(NamedTuple):
@@ -43,13 +44,13 @@ class Heard(NamedTuple):
     """The messages of some time.
 
     joints: positions, then velocities (k, 2 n) [rad, rad/s]; wrench: as the driver gives it (k, 6) [N, N m];
-    slip: twists (k, 6) [m/s, rad/s]; scalars: by name (k,).
+    slip: twists (k, 6) [m/s, rad/s]; scalars: a column for each of `SCALARS`.
     """
 
     joints: Track
     wrench: Track
     slip: Track
-    scalars: Mapping[str, Array]
+    scalars: Track
 
     @property
     def position(self) -> Array:
@@ -58,14 +59,6 @@ class Heard(NamedTuple):
         return np.asarray(q[-max(1, len(q) // 10) :].mean(axis=0))
 
 
-def joined(parts: list[Heard]) -> Heard:
+def joined(parts: Sequence[Heard]) -> Heard:
     """Return what was heard one after the other as one."""
-
-    def whole(tracks: list[Track]) -> Track:
-        return Track(*map(np.concatenate, zip(*tracks, strict=True)))
-
-    scalars = {name: np.concatenate([part.scalars[name] for part in parts]) for name in parts[0].scalars}
-    return Heard(
-        whole([part.joints for part in parts]), whole([part.wrench for part in parts]),
-        whole([part.slip for part in parts]), scalars,
-    )  # fmt: skip
+    return Heard(*(Track(*map(np.concatenate, zip(*tracks, strict=True))) for tracks in zip(*parts, strict=True)))

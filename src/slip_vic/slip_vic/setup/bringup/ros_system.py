@@ -11,11 +11,9 @@ from builtin_interfaces.msg import Duration
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.srv import GetParameters, SetParameters
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
@@ -28,13 +26,13 @@ from slip_core.topics import TOPICS
 from slip_core.types import CartesianReference
 from slip_msgs_py.messages import to_msgs
 from slip_msgs_py.messages.from_msgs import JointOrder, vector6
-from slip_msgs_py.qos import create_publisher, message_class
-from slip_vic.setup.bringup.heard import Heard, Status, Track
+from slip_msgs_py.qos import create_publisher
+from slip_vic.run.peer import Asker, Listener
+from slip_vic.setup.bringup.heard import SCALARS, Heard, Status, Track
 from slip_vic_controller.params.node_params import ControllerNodeParams
 
 CONTROLLER: Final = "slip_vic_controller"
 INPUTS: Final = ("joint_states", "wrench", "slip_velocity")
-SCALARS: Final = ("friction_limit", "load_commanded", "friction_events", "slipping")
 ANSWER_S: Final = 10.0
 DISCOVERY_S: Final = 20.0
 SILENCE_S: Final = 3.0
@@ -54,11 +52,8 @@ class RosSystem:
     """
 
     def __init__(self, node: Node, namespace: str) -> None:
+        self._asker = Asker(node)
         self._node, self._ns = node, f"/{namespace.strip('/')}".rstrip("/")
-        self._asker = Node("slip_vic_bringup_ask", context=node.context, start_parameter_services=False)
-        self._executor = SingleThreadedExecutor(context=node.context)
-        self._executor.add_node(self._asker)
-        self._clients: dict[str, Any] = {}
         names = [info.name for info in parameter_infos(ControllerNodeParams)]
         self.params = build(ControllerNodeParams, self.parameters(names), CONTROLLER)
         self.urdf = self.params.robot_description or read_urdf(
@@ -69,23 +64,18 @@ class RosSystem:
             self._change(Transition.TRANSITION_CONFIGURE)
         self._inputs = {name: self._subscribe(name, full) for name, full in self._find_inputs().items()}
         self._inputs["controller/scalars"] = self._subscribe("controller/scalars")
-        self._goal_text, self._status = "", Status()
+        self._status = Status()
         self._said = self._subscribe("controller/goal", latched=True)
         self._diagnostics = self._subscribe("/diagnostics", "/diagnostics")
         self._goals = create_publisher(node, "goal", actual_name=f"{self._ns}/goal")
         self._until(lambda: self._goals.get_subscription_count() > 0)
         self._until(lambda: bool(self.status.mode))  # an inactive controller has not published one yet
 
-    def close(self) -> None:
-        """Take everything down."""
-        self._executor.shutdown()
-        self._asker.destroy_node()
-
     @property
     def status(self) -> Status:
         """The newest mode, by the fields of /diagnostics."""
         name = f"{self._ns}/{CONTROLLER}: mode".removeprefix("/")
-        for _, message in _taken(self._diagnostics):
+        for _, message in self._diagnostics.take():
             for status in message.status:
                 if status.name == name:
                     values = {field.key: field.value for field in status.values}
@@ -95,9 +85,8 @@ class RosSystem:
     @property
     def goal(self) -> str:
         """The newest text of `controller/goal`."""
-        for _, message in _taken(self._said):
-            self._goal_text = message.data
-        return self._goal_text
+        self._said.see()
+        return "" if self._said.newest is None else str(self._said.newest.data)
 
     def listen(self, seconds: float, begin: Callable[[], None] = lambda: None) -> Heard:
         """Return the messages until the joint states' stamps are `seconds` later, or until they stay away.
@@ -105,14 +94,14 @@ class RosSystem:
         begin: runs first; the seconds count from its end, and messages that arrive during it are included.
         """
         for subscription in self._inputs.values():
-            _taken(subscription)
+            subscription.take()
         begin()
         heard: dict[str, list[tuple[int, Any]]] = {name: [] for name in self._inputs}
         last, since_ns = time.monotonic(), None
         while time.monotonic() - last < SILENCE_S:
             time.sleep(POLL_S)
             for name, subscription in self._inputs.items():
-                heard[name] += (fresh := _taken(subscription))
+                heard[name] += (fresh := subscription.take())
                 if fresh and name == "joint_states":
                     last, now_ns = time.monotonic(), _stamp_ns(fresh[-1])
                     since_ns = now_ns if since_ns is None else since_ns
@@ -196,12 +185,11 @@ class RosSystem:
             )  # fmt: skip
         return found
 
-    def _subscribe(self, name: str, full: str = "", *, latched: bool = False) -> Subscription:
+    def _subscribe(self, name: str, full: str = "", *, latched: bool = False) -> Listener:
         qos = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
         if latched:
             qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        kind = message_class(TOPICS[name].type)
-        return self._node.create_subscription(kind, full or f"{self._ns}/{name}", lambda _: None, qos)
+        return Listener(self._node, name, full or f"{self._ns}/{name}", qos)
 
     def _read(self, heard: Mapping[str, list[tuple[int, Any]]]) -> Heard:
         joints = heard["joint_states"]
@@ -224,12 +212,11 @@ class RosSystem:
             known = dict(zip(message.name, message.position, strict=True))
             return [known.get(name, np.nan) for name in SCALARS]
 
-        rows = track("controller/scalars", len(SCALARS), scalars).values
         return Heard(
             track("joint_states", 2 * len(self.params.joint_names), states),
             track("wrench", 6, lambda message: vector6(message.wrench.force, message.wrench.torque)),
             track("slip_velocity", 6, lambda message: vector6(message.twist.linear, message.twist.angular)),
-            dict(zip(SCALARS, rows.T, strict=True)),
+            track("controller/scalars", len(SCALARS), scalars),
         )
 
     def _until(self, done: Callable[[], bool]) -> bool:
@@ -255,29 +242,16 @@ class RosSystem:
             InputError: no node has it; ProtocolError: no answer.
         """
         full = f"{self._ns}/{service}"
-        if full not in self._clients:
-            self._clients[full] = self._asker.create_client(kind, full)
-        client = self._clients[full]
-        if not client.wait_for_service(ANSWER_S):
+        try:
+            answer = self._asker.call(kind, full, request, ANSWER_S)
+        except LookupError:
             raise InputError(
                 f"node {full.rpartition('/')[0]}", got="no answer", expected="a node that runs",
                 fix="start it first; compare --namespace and ROS_DOMAIN_ID",
-            )  # fmt: skip
-        future = client.call_async(request)
-        self._executor.spin_until_future_complete(future, timeout_sec=ANSWER_S)
-        if future.result() is None:
+            ) from None  # fmt: skip
+        if answer is None:
             raise ProtocolError(f"{full} did not answer within {ANSWER_S:g} s")
-        return future.result()
-
-
-def _taken(subscription: Subscription) -> list[tuple[int, Any]]:
-    """Return the messages that have arrived, each with the time of its arrival [ns]."""
-    handle, found = subscription.handle, []
-    with handle:
-        while (taken := handle.take_message(subscription.msg_type, False)) is not None:
-            message, info = taken
-            found.append((info["received_timestamp"], message))
-    return found
+        return answer
 
 
 def _stamp_ns(taken: tuple[int, Any]) -> int:

@@ -413,9 +413,9 @@ class Walk:
         limit, system = self._params.governor.friction_limit, self._system
         carried, events, estimate = 0.0, 0, limit
         for number, duration in enumerate(DURATIONS_S[1:]):
-            scalars = self._go((here, there)[number % 2], rotation, duration).scalars
-            estimate, events = float(scalars["friction_limit"][-1]), int(scalars["friction_events"][-1])
-            carried = max(carried, float(scalars["load_commanded"][scalars["slipping"] == 0.0].max(initial=0.0)))
+            limits, loads, counts, slipping = self._go((here, there)[number % 2], rotation, duration).scalars.values.T
+            estimate, events = float(limits[-1]), int(counts[-1])
+            carried = max(carried, float(loads[slipping == 0.0].max(initial=0.0)))
             if events or carried > 0.9 * self._params.governor.margin * limit or not system.goal.endswith("reached"):
                 break
         if events:

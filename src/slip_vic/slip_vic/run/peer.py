@@ -1,0 +1,60 @@
+"""How a command listens to topics and calls services: it polls, its node is in no executor."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any
+
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.serialization import deserialize_message
+
+from slip_bags.recording.raw_subscription import RawSubscription
+from slip_core.topics import TOPICS
+from slip_msgs_py.qos import message_class
+
+
+class Listener(RawSubscription):
+    """The messages of a topic; name: as in the table of topics, full: as it is called here."""
+
+    def __init__(self, node: Node, name: str, full: str, profile: QoSProfile) -> None:
+        super().__init__(node, message_class(TOPICS[name].type), full, profile)
+        self.full = full
+        self.newest: Any = None
+
+    def take(self) -> list[tuple[int, Any]]:
+        """Return the messages that have arrived, each with the time of its arrival [ns]."""
+        return [(one.received_ns, deserialize_message(one.data, self.kind)) for one in self.drain()]
+
+    def see(self) -> bool:
+        """Let `newest` be the newest message, the others are not decoded; return whether one has arrived."""
+        last = deque(self.drain(), maxlen=1)
+        if last:
+            self.newest = deserialize_message(last[0].data, self.kind)
+        return bool(last)
+
+
+class Asker:
+    """Calls services by a node of its own, whose executor takes no message of another one."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = Node(f"{node.get_name()}_ask", context=node.context, start_parameter_services=False)
+        self._executor = SingleThreadedExecutor(context=node.context)
+        self._executor.add_node(self._node)
+        self._clients: dict[str, Any] = {}
+
+    def call(self, kind: type, service: str, request: object, seconds: float) -> Any:
+        """Return the answer; None where it does not come in time.
+
+        Raises:
+            LookupError: no node has the service.
+        """
+        client = self._clients.get(service) or self._clients.setdefault(
+            service, self._node.create_client(kind, service)
+        )
+        if not client.wait_for_service(seconds):
+            raise LookupError(service)
+        future = client.call_async(request)
+        self._executor.spin_until_future_complete(future, timeout_sec=seconds)
+        return future.result()
