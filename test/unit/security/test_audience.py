@@ -10,7 +10,6 @@ import pytest
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from slip_core.errors import SlipVicError
 from slip_vic.page.audience import Audience
 
 
@@ -58,9 +57,15 @@ def test_another_page_of_the_browser_reads_no_live_data(audience: Audience) -> N
         pass
 
 
-def test_a_server_that_ends_is_reported(audience: Audience) -> None:
-    audience.check()
-    audience._server.shutdown()
-    audience._thread.join(5.0)
-    with pytest.raises(SlipVicError, match="has ended"):
-        audience.check()
+def test_who_comes_late_gets_the_newest_of_all(audience: Audience) -> None:
+    audience.begin(b"an old model")
+    audience.ended("over")
+    audience.begin(b"model")
+    for frame in (b"first", b"second"):
+        audience.send(frame)
+    audience.ended("why")
+    with connect(f"ws://127.0.0.1:{audience.port}/live") as late:
+        got = [late.recv(5.0) for _ in range(4)]
+        audience.mode(1, "HOLD")
+        got.append(late.recv(5.0))
+    assert got == ["model", b"model", b"second", '{"ended": "why"}', '{"arm": 1, "mode": "HOLD"}']

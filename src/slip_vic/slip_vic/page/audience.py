@@ -1,113 +1,97 @@
-"""The browsers that watch a run: a server of the page, and a thread for each that sends it the model, then numbers."""
+"""The browsers that watch a run: a server of the page, in a thread, that sends each the model, then numbers."""
 
 from __future__ import annotations
 
-import contextlib
+import asyncio
 import http
 import json
-import queue
 import re
 import socket
 import threading
-from typing import Any, Final
+from concurrent.futures import Future
+from typing import Final
 
+from websockets.asyncio.server import ServerConnection, broadcast, serve
 from websockets.datastructures import Headers
-from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
-from websockets.sync.server import Server, ServerConnection, serve
 
-from slip_core.errors import InputError, SlipVicError
+from slip_core.errors import InputError
 from slip_vic.page.page import assemble
 
-QUEUED: Final = 50
-"""Frames that may wait for a slow browser; then it gets the next newest ones."""
-CLIENTS: Final = 32
-"""Connections at a time; further ones are closed at once."""
 MODEL: Final = "model"
 """Tells a browser that the next message is a model, not a frame."""
 
 
 class Audience:
-    """The browsers: serves the page, sends each the model and then frames."""
+    """The browsers: serves the page, sends each the model and then frames; one that is too slow is let go."""
 
     def __init__(self, host: str, port: int) -> None:
         self._page = assemble(
             live=True, title="slip-vic watch", table="", laws="", facts="", notes="", data="", description=""
         ).encode()
-        self._model = b""
-        self._newest = b""
-        self._ended = ""
-        self._queues: dict[queue.Queue[bytes | str], ServerConnection] = {}
-        self._lock = threading.Lock()
-        self._over = False
         names = "|".join(map(re.escape, ("localhost", host, socket.gethostname())))
         self._hosts = re.compile(rf"(?i:{names}|[\d.]+|\[[\da-f:]+\])(:\d+)?")
+        self._kept: dict[str, bytes | str] = {}
+        self._browsers: set[ServerConnection] = set()
+        started: Future[int] = Future()
+        self._thread = threading.Thread(
+            target=asyncio.run, args=(self._serve(host, port, started),), name="watch-server", daemon=True
+        )
+        self._thread.start()
         try:
-            self._server: Server = serve(
-                self._attend, host, port, process_request=self._answer, compression=None,
-                create_connection=self._connect,  # type: ignore[arg-type]
-            )  # fmt: skip
+            self.port = started.result()
         except OSError as error:
             raise InputError(
                 f"address {host}:{port}", got=error, expected="a free port", fix="choose another --port"
             ) from None
-        self.port = int(self._server.socket.getsockname()[1])
-        self._thread = threading.Thread(target=self._server.serve_forever, name="watch-server", daemon=True)
-        self._thread.start()
+
+    async def _serve(self, host: str, port: int, started: Future[int]) -> None:
+        self._loop, self._over = asyncio.get_running_loop(), asyncio.Event()
+        try:
+            server = await serve(self._attend, host, port, process_request=self._answer, compression=None)
+        except OSError as error:
+            started.set_exception(error)
+            return
+        started.set_result(int(next(iter(server.sockets)).getsockname()[1]))
+        await self._over.wait()  # the end of the loop lets go of every browser at once
 
     @property
     def present(self) -> bool:
         """Whether a browser is connected."""
-        return bool(self._queues)
-
-    def check(self) -> None:
-        """Raise SlipVicError where the page is served no more."""
-        if not self._thread.is_alive():
-            raise SlipVicError("watch: the server of the page has ended, for instance without a free file descriptor")
+        return bool(self._browsers)
 
     def begin(self, model: bytes) -> None:
         """Take another model and send it."""
-        with self._lock:
-            self._model, self._newest, self._ended = model, b"", ""
-            for waiting in self._queues:
-                waiting.put(model)
+        self._loop.call_soon_threadsafe(self._kept.clear)
+        self._say(MODEL, "what comes")
+        self._say(model, "model")
 
     def send(self, data: bytes) -> None:
-        """Send a frame to every browser; a slow one misses some."""
-        with self._lock:
-            self._newest = data
-            for waiting in self._queues:
-                if waiting.qsize() < QUEUED:
-                    waiting.put(data)
+        """Send a frame to every browser."""
+        self._say(data, "frame")
 
     def mode(self, arm: int, text: str) -> None:
         """Send the mode of an arm with its reason, which no frame holds."""
-        self._say({"arm": arm, "mode": text})
+        self._say(json.dumps({"arm": arm, "mode": text}))
 
     def ended(self, why: str) -> None:
-        """Send why nothing arrives, "" where something does; a browser that comes later gets it too."""
-        self._ended = why
-        self._say({"ended": why})
-
-    def _say(self, message: dict[str, Any]) -> None:
-        with self._lock:
-            for waiting in self._queues:
-                waiting.put(json.dumps(message))
+        """Send why nothing arrives, "" where something does."""
+        self._say(json.dumps({"ended": why}), "ended")
 
     def close(self) -> None:
-        """Let go of every browser at once, one that is slow would be waited for, and stop serving."""
-        with self._lock:
-            self._over = True
-            for waiting, connection in self._queues.items():
-                waiting.put(b"")
-                with contextlib.suppress(OSError):
-                    connection.socket.shutdown(socket.SHUT_RDWR)
-        self._server.shutdown()
+        """Stop serving."""
+        self._loop.call_soon_threadsafe(self._over.set)
+        self._thread.join()
 
-    def _connect(self, *arguments: Any, **options: Any) -> ServerConnection:
-        if len(self._server.handler_threads) > CLIENTS:
-            raise ConnectionRefusedError
-        return ServerConnection(*arguments, **options)
+    def _say(self, message: bytes | str, keep: str = "") -> None:
+        """Send a message to every browser; keep: what it replaces for a browser that comes later."""
+
+        def say() -> None:
+            if keep:
+                self._kept[keep] = message
+            broadcast(self._browsers, message)
+
+        self._loop.call_soon_threadsafe(say)
 
     def _is_own(self, headers: Headers) -> bool:
         """Whether the page asks that is served here, not one of another origin or under another name."""
@@ -124,22 +108,11 @@ class Audience:
         kind = {"Content-Type": "text/html; charset=utf-8", "Content-Length": str(len(text)), "Connection": "close"}
         return Response(status.value, status.phrase, Headers(kind), text)
 
-    def _attend(self, connection: ServerConnection) -> None:
-        waiting: queue.Queue[bytes | str] = queue.Queue()
-        with self._lock:
-            if self._over:
-                return
-            if self._model:
-                for message in (self._model, self._newest, self._ended and json.dumps({"ended": self._ended})):
-                    if message:
-                        waiting.put(message)
-            self._queues[waiting] = connection
+    async def _attend(self, connection: ServerConnection) -> None:
+        for message in self._kept.values():
+            broadcast([connection], message)
+        self._browsers.add(connection)
         try:
-            with contextlib.suppress(ConnectionClosed):
-                while data := waiting.get():
-                    if data is self._model:
-                        connection.send(MODEL)
-                    connection.send(data)
+            await connection.wait_closed()
         finally:
-            with self._lock:
-                del self._queues[waiting]
+            self._browsers.discard(connection)

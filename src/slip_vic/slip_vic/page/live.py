@@ -224,7 +224,6 @@ def watch(node: Node, audience: Audience, namespace: str, stop: Callable[[], obj
     newest, modes, silent = time.monotonic(), list[tuple[int, str]](), False
     try:
         while not stop():
-            audience.check()
             now = time.monotonic()
             data = watcher.poll(now)
             if watcher.model is not None and watcher.model is not model:
