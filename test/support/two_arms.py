@@ -24,7 +24,10 @@ def copy_bag(source: Path, folder: Path, names: Mapping[str, Sequence[str]]) -> 
         try:
             for name, copies in names.items():
                 for copy in copies:
-                    writer.add_topic(replace(bag.topics[name], name=copy, message_count=0), bag.schema_text(name))
+                    writer.add_topic(
+                        replace(bag.topics[name], name=copy, message_count=0),
+                        bag._schema(bag.topics[name]).data.decode(),
+                    )
             for message in bag.raw(names):
                 for copy in names[message.topic]:
                     writer.write(copy, *message[1:])

@@ -84,9 +84,6 @@ def record(
         raise
     events.emit(events.Done(summary))
     if not events.wanted():
-        for name, topic in summary["topics"].items():
-            lost = "an unknown number" if topic["lost"] is None else topic["lost"]
-            click.echo(f"{printable(name)}: {topic['messages']} messages, {lost} lost")
         click.echo(f"{folder}: {summary['messages']} messages, {summary['lost']} lost")
 
 

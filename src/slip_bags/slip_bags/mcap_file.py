@@ -7,14 +7,15 @@ from __future__ import annotations
 
 import dataclasses
 import struct
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Final
+from typing import IO, Final
 
 import lz4.frame
 import zstandard
 from mcap.exceptions import McapError
 from mcap.records import Channel, Chunk, McapRecord
-from mcap.stream_reader import breakup_chunk
+from mcap.stream_reader import StreamReader, breakup_chunk
 
 from slip_bags.format import TopicInfo, parse_qos
 from slip_core.errors import InputError
@@ -76,6 +77,30 @@ def chunk_records(chunk: Chunk) -> list[McapRecord]:
     if room < 0:
         raise DamagedError("chunk with more records than memory may hold")
     return breakup_chunk(dataclasses.replace(chunk, compression="", data=content), validate_crc=True)
+
+
+def records_of(file: IO[bytes], report: Callable[[str, Exception], None]) -> Iterator[McapRecord]:
+    """Yield the records of a file and of its chunks, in their order.
+
+    Args:
+        file: at its begin.
+        report: called with what is damaged, "the end" or "a chunk", which is left out; it may raise.
+    """
+    records = StreamReader(file, emit_chunks=True, record_size_limit=MAX_BYTES).records
+    while True:
+        part = "the end"
+        try:
+            record = next(records, None)
+            part = "a chunk"
+            contents = chunk_records(record) if isinstance(record, Chunk) else [record]
+        except DAMAGE as error:
+            report(part, error)
+            if part == "the end":
+                return
+            continue
+        if record is None:
+            return
+        yield from contents
 
 
 def topic_info(channel: Channel, type_name: str, count: int = 0) -> TopicInfo:

@@ -12,19 +12,15 @@ Topics may be given without the leading slash.
 from __future__ import annotations
 
 import functools
-import itertools
 import os
-from bisect import bisect_left
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import replace
-from operator import attrgetter
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, NoReturn
 
 from mcap.reader import SeekingReader
-from mcap.records import Chunk, ChunkIndex, Message, Schema
-from mcap.stream_reader import StreamReader
+from mcap.records import Message, Schema
 from mcap.summary import Summary
 from mcap_ros2.decoder import DecoderFactory
 
@@ -34,8 +30,8 @@ from slip_bags.mcap_file import (
     LATEST_NS,
     RECORD_BYTES,
     DamagedError,
-    chunk_records,
     mcap_files,
+    records_of,
     topic_info,
 )
 from slip_bags.series import Series
@@ -100,14 +96,10 @@ class Bag:
     def _load(self, summary: Summary | None) -> None:
         if summary is None or summary.statistics is None:
             raise DamagedError("no index")
-        counts, chunks = summary.statistics.channel_message_counts, summary.chunk_indexes
+        counts = summary.statistics.channel_message_counts
         times = summary.statistics.message_start_time, summary.statistics.message_end_time
-        if (total := sum(counts.values())) and not chunks:
-            raise DamagedError("no index")
-        if len(summary.channels) > MOST_CHANNELS or len({one.chunk_start_offset for one in chunks}) < len(chunks):
-            raise DamagedError(f"more than {MOST_CHANNELS} channels, or chunks that are listed twice")
-        if max(*times, *(chunk.message_end_time for chunk in chunks)) > LATEST_NS:
-            raise DamagedError("times beyond the year 2262")
+        if len(summary.channels) > MOST_CHANNELS or max(times) > LATEST_NS:
+            raise DamagedError(f"times beyond the year 2262, or over {MOST_CHANNELS} channels")
         self._channels = {key: channel.topic for key, channel in summary.channels.items()}
         self._schemas: dict[str, Schema | None] = {}
         topics: dict[str, TopicInfo] = {}
@@ -116,8 +108,7 @@ class Bag:
             known = topics.get(channel.topic) or topic_info(channel, schema.name if schema is not None else "")
             topics[channel.topic] = replace(known, message_count=known.message_count + counts.get(key, 0))
         self.topics: Mapping[str, TopicInfo] = MappingProxyType(dict(sorted(topics.items())))
-        self.span_ns = times if total else None
-        self._chunks = sorted(chunks, key=lambda one: (one.message_start_time, one.chunk_start_offset))
+        self.span_ns = times if any(counts.values()) else None
         self._attached_bytes = sum(index.length for index in summary.attachment_indexes)
 
     def __enter__(self) -> Bag:
@@ -173,60 +164,40 @@ class Bag:
         return next((topic for topic in self.topics if topic.endswith(own)), None)
 
     def raw(self, topics: Collection[str] | None = None) -> Iterator[RawMessage]:
-        """Yield stored messages in order of log time, of some topics or of all.
+        """Yield stored messages in the order of the file, of some topics or of all.
 
         Raises:
             InputError: no such topic, or damaged data, which is found when it is reached.
         """
         wanted = set(self.topics) if topics is None else {self.topic(name).name for name in topics}
-        source = self._all if len(wanted) == 1 and self._is_short else self._stored()
-        return (message for message in source if message.topic in wanted)
-
-    @property
-    def _is_short(self) -> bool:
-        size = sum(chunk.uncompressed_size for chunk in self._chunks)
-        return size + RECORD_BYTES * self.message_count <= MAX_BYTES // 2
+        source = self._all if len(wanted) == 1 else None
+        return (message for message in source or self._stored() if message.topic in wanted)
 
     @functools.cached_property
-    def _all(self) -> list[RawMessage]:
+    def _all(self) -> list[RawMessage] | None:
         """All messages of a short bag: a chunk holds all topics, so one pass serves all of them."""
-        count = self.message_count
-        found = list(itertools.islice(self._stored(), count + 1))
-        if len(found) > count:
-            raise self._damaged(DamagedError("more messages than the index states"))
+        found, room = [], MAX_BYTES // 2
+        for message in self._stored():
+            room -= RECORD_BYTES + len(message.data)
+            if room < 0:
+                return None
+            found.append(message)
         return found
 
     def _stored(self) -> Iterator[RawMessage]:
-        """Yield all messages by log time; those of equal times in the order of the file."""
-        waiting: list[RawMessage] = []
-        starts = [chunk.message_start_time for chunk in self._chunks]
-        try:
-            for chunk, following in zip(self._chunks, [*starts[1:], LATEST_NS + 1], strict=True):
-                waiting += self._chunk_messages(chunk)
-                if sum(RECORD_BYTES + len(message.data) for message in waiting) > MAX_BYTES:
-                    raise DamagedError("more messages of one time than memory may hold")
-                waiting.sort(key=attrgetter("log_time_ns"))
-                due = bisect_left(waiting, following, key=attrgetter("log_time_ns"))
-                yield from waiting[:due]
-                del waiting[:due]
-        except DAMAGE as error:
-            raise self._damaged(error) from None
+        with open_file(self.file, f"file {self.file}") as file:
+            for record in records_of(file, self._refuse):
+                if isinstance(record, Message):
+                    topic = self._channels.get(record.channel_id)
+                    if topic is None or max(record.log_time, record.publish_time) > LATEST_NS:
+                        self._refuse("a message", DamagedError("of no channel, or of a time beyond the year 2262"))
+                    yield RawMessage(topic, record.log_time, record.publish_time, record.sequence, record.data)
 
-    def _chunk_messages(self, index: ChunkIndex) -> Iterator[RawMessage]:
-        self._file.seek(index.chunk_start_offset)
-        limit = min(self.size_bytes, MAX_BYTES)
-        chunk = next(StreamReader(self._file, skip_magic=True, emit_chunks=True, record_size_limit=limit).records)
-        if not isinstance(chunk, Chunk) or chunk.uncompressed_size != index.uncompressed_size:
-            raise DamagedError("an index that points to something else")
-        for record in chunk_records(chunk):
-            if isinstance(record, Message):
-                if max(record.log_time, record.publish_time) > LATEST_NS:
-                    raise DamagedError("times beyond the year 2262")
-                topic = self._channels[record.channel_id]
-                yield RawMessage(topic, record.log_time, record.publish_time, record.sequence, record.data)
+    def _refuse(self, part: str, error: Exception) -> NoReturn:
+        raise self._damaged(error, f"damaged data in {part}") from None
 
     def messages(self, topic: str) -> Iterator[DecodedMessage]:
-        """Yield the messages of one topic, decoded, in order of log time.
+        """Yield the messages of one topic, decoded, in the order of the file.
 
         Raises:
             InputError: no such topic, a schema or message that cannot be decoded, or damaged data.
@@ -250,14 +221,6 @@ class Bag:
             InputError: as `messages`.
         """
         return Series(topic, self.messages(topic))
-
-    def schema_text(self, topic: str) -> str:
-        """Return the stored definition of a topic's type, with all it refers to.
-
-        Raises:
-            InputError: no such topic, or no definition stored.
-        """
-        return self._schema(self.topic(topic)).data.decode("utf-8", "replace")
 
     def _schema(self, info: TopicInfo) -> Schema:
         schema = self._schemas[info.name]

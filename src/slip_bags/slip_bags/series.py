@@ -54,7 +54,9 @@ class Series(Mapping[str, NDArray[Any]]):
                 raise InputError(f"topic {topic}", got="more messages than memory may hold", expected="a shorter bag")
             times.append(tuple(numbers))
             rows.append(row)
-        table = _frozen(np.array(times, dtype=np.int64).reshape(-1, 3))
+        table = np.array(times, dtype=np.int64).reshape(-1, 3)
+        order = np.argsort(table[:, 0], kind="stable")
+        table, rows = _frozen(table[order]), [rows[index] for index in order]
         self.log_time_ns, self.publish_time_ns, self.sequence = table.T
         self._columns = {
             path: _frozen(_column(values)) for path, values in zip(paths, zip(*rows, strict=True), strict=True)

@@ -46,7 +46,6 @@ _TABLE = (
     Topic("slip_flag", "sensor_msgs/msg/JointState", "bridge", "where `slip_input` is flag: named flags (position field), 1 = slips, 0 = holds, NaN = unknown, stamped when it was so"),
     Topic("object_state", "nav_msgs/msg/Odometry", "bridge", "ground truth: pose of the object's COM in `world`, twist in object axes", common=True),
     Topic("slip_truth", "sensor_msgs/msg/JointState", "bridge", "ground truth: slip displacement (position) and slip velocity (velocity), names s_x .. s_rz"),
-    Topic("object/wrench", "geometry_msgs/msg/WrenchStamped", "bridge", "several arms, ground truth: what all pads do to the object about its COM [N, N m], world axes", common=True, several=True),
     Topic("internal_wrench", "geometry_msgs/msg/WrenchStamped", "bridge", "several arms, ground truth: the part of the pad's wrench that does not move the object [N, N m], pad axes", several=True),
     Topic("lockstep_tick", "std_msgs/msg/Int64MultiArray", "bridge", "lockstep only: tick, stamp (sec, nsec), then wrench and slip samples published so far per contact, of several arms one after the other", common=True),
     Topic("/clock", "rosgraph_msgs/msg/Clock", "bridge", "simulation time", common=True),

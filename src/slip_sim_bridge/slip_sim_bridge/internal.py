@@ -11,9 +11,8 @@ from slip_core.arrays import Array
 
 def internal_wrenches(
     wrenches: Sequence[Array], places: Sequence[Array], attitudes: Sequence[Array], centre: Array, radius: float
-) -> tuple[Array, list[Array]]:
-    """Return what all contacts do to the object about its centre of mass {w}, and the internal part of each contact's
-    wrench, on its pad's axes; (6,) each [N, N m].
+) -> list[Array]:
+    """Return the internal part of each contact's wrench, on its pad's axes; (6,) each [N, N m].
 
     h_int,i = h_i - W G_i^T (sum_j G_j W G_j^T)^-1 sum_j G_j h_j with W = diag(1, 1, 1, rho^2, rho^2, rho^2),
     from the true geometry.
@@ -32,4 +31,4 @@ def internal_wrenches(
     total = np.einsum("kij,kj->i", G, world)
     y = np.linalg.solve(np.einsum("kij,j,klj->il", G, W, G), total)
     internal = world - W * np.einsum("kji,j->ki", G, y)
-    return total, list((internal.reshape(n, 2, 3) @ R).reshape(n, 6))
+    return list((internal.reshape(n, 2, 3) @ R).reshape(n, 6))

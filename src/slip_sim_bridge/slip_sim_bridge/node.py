@@ -21,7 +21,6 @@ from slip_core.files.urdf_file import read_urdf
 from slip_core.incidents import Incident
 from slip_core.stamps import split_ns
 from slip_core.timing import Window, spread
-from slip_core.topics import WORLD
 from slip_core.types import JointCommand
 from slip_msgs_py.endpoint_matching import EndpointMatching, Waiting, wait_until
 from slip_msgs_py.events import Done, Progress, Started, emit
@@ -103,9 +102,6 @@ class SlipSimBridge(GuardedNode, Node):
         self._send_timing = None if self._lockstep else create_sender(self, "bridge/timing", timing)
         self._pub_object = create_publisher(self, "object_description")
         self._pub_object.publish(to_msgs.string(object_urdf(common)))
-        self._send_total = None
-        if len(self._arms) > 1:
-            self._send_total = create_sender(self, "object/wrench", forms.wrench(WORLD))
         self._commands: list[JointCommand | None] = [None] * len(self._arms)
         self._answers, self._grips = [0] * len(self._arms), [0] * len(self._arms)
         create_subscription(self, "controller/ready", self._on_ready, depth=1, reliable=True)
@@ -197,12 +193,11 @@ class SlipSimBridge(GuardedNode, Node):
 
     def _wait_for_peers(self, should_stop: Callable[[], bool]) -> bool:
         subscribers, recorders = self._common.expected_subscribers, self._common.expected_subscribers - 1
-        common = [sender for sender in (self._send_object, self._send_clock, self._send_total) if sender is not None]
         peers = EndpointMatching(
             self,
             publishers=[
                 *((publisher, max(1, subscribers)) for arm in self._arms for publisher in arm.state_publishers),
-                *((sender.publisher, recorders) for sender in common),
+                *((sender.publisher, recorders) for sender in (self._send_object, self._send_clock)),
             ],
             subscriptions=[arm.sub_command for arm in self._arms],
         )
@@ -354,13 +349,12 @@ class SlipSimBridge(GuardedNode, Node):
         self._send_object.send(stamp_ns, *to_msgs.odometry_numbers(truth))
         for arm, measured in zip(self._arms, outputs.arms, strict=True):
             arm.publish_truth(stamp_ns, measured)
-        if self._send_total is not None:
+        if len(self._arms) > 1:
             readings = [arm.readings for arm in outputs.arms]
             places, attitudes = zip(*(each.pad for each in readings), strict=True)
             radius = self._common.friction.torsional_radius
             wrenches = [each.wrench.wrench for each in readings]
-            total, parts = internal_wrenches(wrenches, places, attitudes, truth.position, radius)
-            self._send_total.send(stamp_ns, total)
+            parts = internal_wrenches(wrenches, places, attitudes, truth.position, radius)
             for arm, part in zip(self._arms, parts, strict=True):
                 arm.publish_internal(stamp_ns, part)
 

@@ -65,10 +65,8 @@ class BridgeSession:
     def __init__(self, params: Mapping[str, BridgeParams], urdfs: Mapping[str, str]) -> None:
         self.simulation = Simulation(params, urdfs)
         self._arms = self._live = tuple(params.values())
-        self._sensors = [
-            SensorSuite(arm.model_copy(update={"seed": arm.seed + index}) if index else arm)
-            for index, arm in enumerate(self._arms)
-        ]
+        self._faults = [arm.sensors for arm in self._arms]
+        self._sensors = self._new_sensors()
         self._start_ns = self.simulation.stamp_ns
         self._duration_ns = seconds_to_ns(self._arms[0].duration_s)
         self._oldest_ns = [seconds_to_ns(arm.command_timeout_s) for arm in self._arms]
@@ -123,7 +121,16 @@ class BridgeSession:
 
     def set_faults(self, arm: int, sensors: SensorsParams) -> None:
         """Switch sensor faults of an arm on and off from the next measurement on."""
+        self._faults[arm] = sensors
         self._sensors[arm].set_faults(sensors)
+
+    def _new_sensors(self) -> list[SensorSuite]:
+        """Return sensors at their start, noise included; faults are as they are switched."""
+        suites = []
+        for index, (arm, faults) in enumerate(zip(self._arms, self._faults, strict=True)):
+            suites.append(SensorSuite(arm.model_copy(update={"seed": arm.seed + index}) if index else arm))
+            suites[index].set_faults(faults)
+        return suites
 
     def request_reset(self) -> None:
         """Put everything back before the next tick, the grip force of the start too; time, pushes and faults stay."""
@@ -134,8 +141,7 @@ class BridgeSession:
         if self._reset_wanted:
             self._reset_wanted = False
             self.simulation.reset()
-            for sensors in self._sensors:
-                sensors.reset()
+            self._sensors = self._new_sensors()
         arms, counts = [], self._counts
         for index, sensors in enumerate(self._sensors):
             readings = self.simulation.observe(index)

@@ -22,8 +22,6 @@ from slip_sim_bridge.plant.joint_step import JOINT_DRIVE_SIZE
 from slip_sim_bridge.plant.loose import LoosePlant
 from slip_sim_bridge.plant.model import UrdfJoints, urdf_joints
 
-OBEYED, CLIPPED, NOT_FINITE = 0, 1, 2
-
 
 class Readings(NamedTuple):
     """The true samples of one arm at one stamp: joints, wrench h_ee and slip velocity on {ee} axes; the object.
@@ -72,7 +70,7 @@ class Arm:
 
     def __init__(self, params: BridgeParams, limits: Array, joints: UrdfJoints) -> None:
         self.params, self.limits, self.joints, self.layout = params, limits, joints, read_out(len(limits))
-        self.drives = Drives(params.drive, limits, (joints.friction, joints.damping), params.control_period_s)
+        self.drives = Drives(params.drive, limits, params.control_period_s)
         self.gripper = Gripper(params.grip, params.control_period_s)
         self.largest_change = params.effort_rate * params.control_period_s
         self.edge = 0.5 * params.grip.pad_size[0], 0.5 * params.grip.pad_size[1]
@@ -83,28 +81,21 @@ class Arm:
         """What the arm holds; None where it obeys."""
         self.applied = self.coming = np.zeros_like(limits)
         """Efforts of the drives in the step that just ended, and in that which is being made."""
-        self.has_lost = self.refused = self.saturated = False
-
-    @property
-    def holding(self) -> bool:
-        """Whether the arm held its posture in the last step instead of obeying an effort."""
-        return self.posture is not None
+        self.has_lost = False
 
     def start(self, posture: Array, holding: Array) -> None:
         """Hold a posture with the effort that holds it; (n,) [rad], [N m]."""
         self.posture = posture
         self.applied = readonly(np.clip(holding, -self.limits, self.limits))
         self.drives.reset()
-        self.has_lost = self.refused = self.saturated = False
+        self.has_lost = False
 
     def follow(self, command: Array | None, posture: Array) -> None:
         """Let drives with loops of their own follow a command, or rest; (n,) [rad/s] or [rad], posture (n,) [rad]."""
         if command is not None and np.isfinite(command).all():
-            taken = self.followable(command, posture)
-            self.posture, self.refused, self.saturated = None, False, bool((taken != command).any())
-            self.drives.follow(taken)
+            self.posture = None
+            self.drives.follow(self.followable(command, posture))
             return
-        self.refused, self.saturated = command is not None, False
         self.posture = posture if self.posture is None else self.posture
         self.drives.follow(self.posture if self.drives.takes_positions else np.zeros_like(self.limits))
 
@@ -127,7 +118,6 @@ class Arm:
     def obey(self, effort: Array | None) -> Array | None:
         """Return the effort that the drives apply; None where there is none, or one that is not finite. (n,) [N m]."""
         applied = self.limited(effort) if effort is not None else None
-        self.refused = effort is not None and applied is None
         if applied is not None:
             self.posture = None
         return applied
@@ -135,10 +125,8 @@ class Arm:
     def limited(self, effort: Array) -> Array | None:
         """Return an effort within the limits of effort and of its change; None where it is not finite. (n,) [N m]."""
         applied = np.empty(len(self.limits))
-        outcome = drive(effort, self.applied, self.largest_change, self.limits, applied)
-        if outcome == NOT_FINITE:
+        if not drive(effort, self.applied, self.largest_change, self.limits, applied):
             return None
-        self.saturated = outcome == CLIPPED
         applied.setflags(write=False)
         return applied
 
@@ -146,10 +134,10 @@ class Arm:
 class Simulation:
     """Arms, one object and a slippery grasp of each, advanced one control period at a time.
 
-    An arm holds its posture until its first effort arrives and whenever `step` gets None for it. An effort that is not
-    finite is refused: that arm holds, and its `refused` is set. An object that slides over the edge of a pad, or that a
-    pad does not grip any more, has left this pad until `reset`; what no pad holds falls. A state that is no longer
-    physical makes `step` raise `DivergenceError` until `reset`; the last good samples stay readable.
+    An arm holds its posture until its first effort arrives, whenever `step` gets None for it, and where its effort is
+    not finite. An object that slides over the edge of a pad, or that a pad does not grip any more, has left this pad
+    until `reset`; what no pad holds falls. A state that is no longer physical makes `step` raise `DivergenceError`
+    until `reset`; the last good samples stay readable.
 
     Nothing here is random, and equal inputs give equal bits.
 
@@ -175,9 +163,9 @@ class Simulation:
             for (name, arm), limits in zip(params.items(), self._held.effort_limits, strict=True)
         )
         self.notes = tuple(
-            f"{prefix_of(name)}friction and damping of the URDF's joints are not simulated: drive.urdf_dynamics"
+            f"{prefix_of(name)}friction and damping of the URDF's joints are not simulated: use drive.coulomb, viscous"
             for name, arm in zip(params, self.arms, strict=True)
-            if (arm.joints.friction.any() or arm.joints.damping.any()) and arm.params.drive.urdf_dynamics == "leave_out"
+            if arm.joints.friction.any() or arm.joints.damping.any()
         )
         """What the simulation leaves out of its input, one line each."""
         self._drives: Array | None = None
@@ -266,7 +254,6 @@ class Simulation:
             arm.applied = arm.coming
             if not arm.drives.takes_efforts:
                 arm.applied = readonly(arm.drives.efforts)
-                arm.saturated |= bool((np.abs(arm.applied) >= arm.limits).any())
         self.stamp_ns += self._period_ns
 
     def reset(self) -> None:
@@ -344,22 +331,19 @@ class Simulation:
 
 @kernel(INT(IN1, IN1, REAL, IN1, OUT1))
 def drive(wanted: Array, last: Array, largest_change: float, limit: Array, out: Array) -> int:
-    """Write the effort that the drives apply to `out`; return `OBEYED`, `CLIPPED` by the limits, or `NOT_FINITE`.
+    """Write the effort that the drives apply to `out`; return 1, or 0 where what is wanted is not finite.
 
     wanted, last, limit, out (n,) [N m]; largest_change [N m] from the last effort to this one, inf where unbounded.
 
     A drive follows at most `largest_change` from its last effort to this one.
     """
-    outcome = OBEYED
     for i in range(len(wanted)):
         effort = wanted[i]
         if not math.isfinite(effort):
-            return NOT_FINITE
+            return 0
         effort = min(max(effort, last[i] - largest_change), last[i] + largest_change)
         out[i] = min(max(effort, -limit[i]), limit[i])
-        if out[i] != effort:
-            outcome = CLIPPED
-    return outcome
+    return 1
 
 
 def make_plant(params: Mapping[str, BridgeParams], urdfs: Mapping[str, str]) -> Plant:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import os
 import platform
 import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import psutil
 
-from slip_bags.provenance import cpu_model
 from slip_vic.run.versions import versions
 
 _LOOP = 20_000
@@ -19,7 +19,7 @@ _LOOP = 20_000
 def machine() -> dict[str, Any]:
     """Return processor, cores, kernel, and what real time is permitted."""
     return {
-        "processor": cpu_model() or platform.processor() or platform.machine(),
+        "processor": _processor() or platform.machine(),
         "cores": len(os.sched_getaffinity(0)),
         "memory_gib": round(psutil.virtual_memory().total / 2**30, 1),
         "kernel": platform.release(),
@@ -29,6 +29,11 @@ def machine() -> dict[str, Any]:
         "load_average": [round(value, 2) for value in os.getloadavg()],
         "versions": dict(versions()),
     }
+
+
+def _processor() -> str:
+    lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    return next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), "")
 
 
 def fifo_permitted() -> bool:

@@ -98,6 +98,6 @@ def test_attitudes_are_the_same_bits_on_another_processor():
 
 
 def test_other_software_is_named():
-    assert other_software({"cpu": "abacus", "versions": '{"numpy": "0.1"}'})[0].startswith("recorded with cpu abacus")
+    assert other_software({"git_revision": "abacus"})[0].startswith("recorded with revision abacus")
     assert any("numpy 0.1" in note for note in other_software({"versions": '{"numpy": "0.1"}'}))
     assert other_software({"versions": "["}) == []

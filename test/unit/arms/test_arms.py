@@ -93,10 +93,8 @@ def test_perfect_sensors_show_internal_wrench() -> None:
         for k, tick in enumerate(run_in_process(scenario)):
             readings = [arm.readings for arm in tick.outputs.arms]
             wrenches, centre = [reading.wrench.wrench for reading in readings], tick.outputs.truth.position
-            _, true = internal_wrenches(wrenches, *grasped(scenario, tick), centre, 0.015)
-            _, bent = internal_wrenches(
-                wrenches, *zip(*(reading.pad for reading in readings), strict=True), centre, 0.015
-            )
+            true = internal_wrenches(wrenches, *grasped(scenario, tick), centre, 0.015)
+            bent = internal_wrenches(wrenches, *zip(*(reading.pad for reading in readings), strict=True), centre, 0.015)
             for side, result in enumerate(tick.results):
                 worst = max(worst, float(np.abs(result.record.law.h_int - true[side]).max()))
                 largest = max(largest, float(np.abs(bent[side] - true[side]).max()))

@@ -45,15 +45,7 @@ class OneArm:
 
     @property
     def holding(self) -> bool:
-        return self.arm.holding
-
-    @property
-    def command_refused(self) -> bool:
-        return self.arm.refused
-
-    @property
-    def effort_saturated(self) -> bool:
-        return self.arm.saturated
+        return self.arm.posture is not None
 
     @property
     def grip_force(self) -> float:

@@ -149,7 +149,6 @@ def test_a_velocity_drive_follows_with_a_lag_of_first_order_whatever_rubs(plant:
     effort = simulation.observe().joint.effort
     assert effort[0] > friction, "the drive's effort carries friction and acceleration"
     simulation.step(np.full(7, np.nan))
-    assert simulation.command_refused
     assert simulation.holding
     for _ in range(400):
         simulation.step(None)
@@ -165,7 +164,6 @@ def test_a_velocity_drive_accelerates_no_more_than_its_effort_limit_allows() -> 
         assert (velocity - before) * inertia(simulation) / DT <= 3.0 * limits[0]
         assert np.abs(simulation.observe().joint.effort).max() <= limits.max()
         before = velocity
-    assert simulation.effort_saturated
     assert before < 1.9
 
 
@@ -194,7 +192,6 @@ def test_drives_take_no_command_beyond_the_speed_and_range_of_a_joint(interface:
     for _ in range(750):
         assert (end - simulation.observe().joint.position[joint]) * np.sign(command[joint]) >= -1e-6
         simulation.step(command)
-        assert simulation.effort_saturated
         fastest = max(fastest, abs(simulation.observe().joint.velocity[joint]))
     assert simulation.observe().joint.position[joint] == pytest.approx(end, abs=1e-3)
     assert fastest == pytest.approx(float(limit.get("velocity")), rel=1e-3)
@@ -207,7 +204,6 @@ def test_a_command_with_a_number_that_is_none_is_refused_and_the_arm_rests(inter
     start = simulation.observe().joint.position
     for _ in range(100):
         simulation.step(np.array((0.0, bad, 0.0, 0.0, 0.0, 0.0, 0.0)))
-        assert simulation.command_refused
         assert simulation.holding
     np.testing.assert_allclose(simulation.observe().joint.position, start, atol=1e-9)
 
@@ -245,7 +241,7 @@ def test_efforts_lag_and_are_scaled_and_offset() -> None:
         )
         simulation.step(hold + 0.2)
     params = DriveParams(gain=0.95, offset=(0.1,), ripple=0.02, ripple_cycles=8.0)
-    drives = Drives(params, np.full(2, 10.0), (np.zeros(2), np.zeros(2)), DT)
+    drives = Drives(params, np.full(2, 10.0), DT)
     position = np.array((0.1, -0.3))
     np.testing.assert_allclose(
         drives.at_joints(np.array((1.0, -2.0)), position), np.array((1.05, -1.8)) + 0.02 * np.sin(8.0 * position)
@@ -275,17 +271,14 @@ def test_ideal_drives_are_not_there_and_friction_outlasts_the_object() -> None:
     assert simulation.observe().truth.twist[2] < -0.9
 
 
-def test_the_friction_of_the_urdf_is_used_or_named() -> None:
+def test_the_friction_of_the_urdf_is_named() -> None:
     text = urdf_text().replace('<dynamics damping="0" friction="0"/>', '<dynamics damping="0.1" friction="0.5"/>')
     left_out = OneArm(scenario_params(), text)
-    assert left_out.all.notes == ("friction and damping of the URDF's joints are not simulated: drive.urdf_dynamics",)
+    assert left_out.all.notes == (
+        "friction and damping of the URDF's joints are not simulated: use drive.coulomb, viscous",
+    )
     assert left_out.all._drives is None
     assert scene().all.notes == ()
-    added = OneArm(scenario_params(drive__urdf_dynamics="add", drive__coulomb=(0.25,)), text)
-    assert added.all.notes == ()
-    rows = added.arm.drives.rows
-    assert set(rows[:, 3]) == {0.75}
-    assert set(rows[:, 4]) == {0.1}
 
 
 def test_a_command_of_another_interface_is_named() -> None:
@@ -304,7 +297,7 @@ def test_lists_that_do_not_fit_are_refused(values: dict[str, Any]) -> None:
 
 
 def measured(params: JointSensorParams, positions: Array) -> list[JointSample]:
-    sensor = JointSensor(params, lambda: np.random.default_rng(0))
+    sensor = JointSensor(params, np.random.default_rng(0))
     zero = np.zeros(1)
     return [sensor.update(JointSample(round(1e6 * k), np.array([q]), zero, zero)) for k, q in enumerate(positions)]
 

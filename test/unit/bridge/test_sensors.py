@@ -10,9 +10,11 @@ import pytest
 
 from slip_core.params import build
 from slip_core.types import JointSample, SlipSample, WrenchSample
+from slip_sim_bridge.node import arm_urdf
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.sensors.slip import dead_band
 from slip_sim_bridge.sensors.suite import SensorSuite
+from slip_sim_bridge.session import BridgeSession
 
 MS = 1_000_000
 SIGMAS = 5.0  # a fair sample of fixed seed lies well within
@@ -139,7 +141,7 @@ def test_a_wrench_sensor_may_have_noise_in_force_or_in_torque_alone():
         check_noise(wrenches, [force] * 3 + [torque] * 3)
 
 
-def test_seed_decides_and_reset_repeats():
+def test_seed_decides():
     noisy = {"slip__noise_linear": 1.0, "wrench__noise_force": 1.0}
     first = suite(5, **noisy)
     slips, wrenches = noise_of(first)
@@ -148,8 +150,6 @@ def test_seed_decides_and_reset_repeats():
     assert np.array_equal(wrenches, again_wrenches)
     other_slips, _ = noise_of(suite(6, **noisy))
     assert not np.array_equal(slips, other_slips)
-    first.reset()
-    assert np.array_equal(slips, noise_of(first)[0])
 
 
 def test_streams_are_independent():
@@ -160,9 +160,16 @@ def test_streams_are_independent():
     assert abs(np.corrcoef(slips[:, 0], wrenches[:, 0])[0, 1]) < SIGMAS / np.sqrt(2000)
 
 
-def test_reset_forgets_what_is_under_way():
-    sensors = suite(slip__latency_s=0.005, slip__rate_hz=100.0)
-    sensors.slip.update(slip_at(0))
-    sensors.reset()
-    published = run(sensors, 30, start_ns=77 * MS)
-    assert [sample.stamp_ns for _, sample in published] == [77 * MS, 87 * MS, 97 * MS]
+def test_a_reset_begins_the_noise_again_and_leaves_faults_switched():
+    noisy = {"sensors.wrench.noise_force": 1.0, "sensors.slip.latency_s": 0.002}
+    arm = build(BridgeParams, noisy, "test")
+    session = BridgeSession({"": arm}, {"": arm_urdf(arm)})
+    session.set_faults(0, build(BridgeParams, noisy | {"sensors.wrench.bias": [9.0] * 6}, "test").sensors)
+    rounds = []
+    for _ in range(2):
+        ticks = [session.observe().arms[0] for _ in range(3)]
+        rounds.append(ticks[0].wrenches[0].wrench)
+        assert not ticks[1].slips, "what was under way is forgotten"
+        session.request_reset()
+    np.testing.assert_allclose(rounds[0], rounds[1], atol=1e-9)
+    assert rounds[0].mean() > 5.0

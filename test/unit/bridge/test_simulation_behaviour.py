@@ -78,12 +78,10 @@ def test_holds_where_it_stands_when_commands_stop():
 def test_effort_is_clipped_to_the_urdf_limits():
     simulation = scene()
     simulation.step(np.full(7, 1e6) * [1, -1, 1, -1, 1, -1, 1])
-    assert simulation.effort_saturated
     np.testing.assert_array_equal(simulation.observe().joint.effort, LIMIT * [1, -1, 1, -1, 1, -1, 1])
     simulation.reset()
     within = simulation.observe().joint.effort + 0.1
     simulation.step(within)
-    assert not simulation.effort_saturated
     np.testing.assert_array_equal(simulation.observe().joint.effort, within)
 
 
@@ -105,12 +103,10 @@ def test_effort_that_is_not_finite_is_refused_and_the_arm_holds(bad, joint):
     effort[joint] = bad
     for _ in range(20):
         simulation.step(effort)
-        assert simulation.command_refused
         assert simulation.holding
     assert np.isfinite(state_of(simulation)).all()
     np.testing.assert_allclose(simulation.observe().joint.position, start, rtol=0, atol=STILL)
     simulation.step(np.zeros(7))
-    assert not simulation.command_refused
     assert not simulation.holding
 
 
@@ -146,7 +142,6 @@ def test_reset_brings_everything_back_but_time(model):
     assert simulation.stamp_ns > stamp
     assert simulation.grip_force == simulation.params.grip.force
     assert simulation.holding
-    assert not simulation.command_refused
     assert np.array_equal(state_of(simulation), start)
     again = [state_of(simulation) for _ in Shaker(simulation, 2).run(300)]
     # The shaker's time starts from another stamp, so its efforts differ in the last bits.

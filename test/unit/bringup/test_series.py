@@ -17,7 +17,7 @@ def test_missed_messages_leave_the_others(tmp_path: Path) -> None:
     with Bag(RECORDED) as bag:
         writer = BagWriter(tmp_path / "bag")
         for info in bag.topics.values():
-            writer.add_topic(info, bag.schema_text(info.name))
+            writer.add_topic(info, bag._schema(info).data.decode())
         seen = dict.fromkeys(bag.topics, -1)
         for message in bag.raw():
             seen[message.topic] += 1

@@ -22,7 +22,6 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.type_hash import TypeHash
 
 from slip_bags.format import QosProfile, TopicInfo
-from slip_bags.provenance import provenance
 from slip_bags.recording.loss_counter import LossCounter
 from slip_bags.recording.raw_subscription import Arrival, RawSubscription
 from slip_bags.typedefs import find_definition
@@ -186,7 +185,7 @@ def record(
         InputError: the output exists.
         StorageError: the disk is full or refuses.
     """
-    writer = BagWriter(output, {**provenance(), **(custom_data or {})}, attachments)
+    writer = BagWriter(output, custom_data, attachments)
     try:
         warn = partial(events.warn, "recorder")
         recorder = Recorder(node, writer, topics, everything=everything, warn=warn)

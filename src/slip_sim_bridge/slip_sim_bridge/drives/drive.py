@@ -31,17 +31,14 @@ class Drives:
     Args:
         params: of the drives.
         limits: of the joint efforts; (n,) [N m].
-        dynamics: Coulomb [N m] and viscous friction [N m s/rad] of the URDF; (n,) each.
         period_s: control period.
     """
 
-    def __init__(self, params: DriveParams, limits: Array, dynamics: tuple[Array, Array], period_s: float) -> None:
+    def __init__(self, params: DriveParams, limits: Array, period_s: float) -> None:
         n = len(limits)
         coulomb, viscous, self._offset = (
             np.array(params.of_joints(name, n)) for name in ("coulomb", "viscous", "offset")
         )
-        if params.urdf_dynamics == "add":
-            coulomb, viscous = coulomb + dynamics[0], viscous + dynamics[1]
         self.takes_efforts, self.takes_positions = params.interface == "effort", params.interface == "position"
         self.is_prompt = self.takes_efforts and params.delay_s == 0.0 and params.lag_s == 0.0
         """Whether a command is the effort of its own period."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 from slip_core.device_params import EACH, CommandInterface, DriveModel
 from slip_core.params import parameter
@@ -24,11 +24,6 @@ class DriveParams(DriveModel):
         0.0, "interface effort: amplitude of a torque that goes as the sine of the joint's position", unit="N m", ge=0.0
     )
     ripple_cycles: float = parameter(6.0, "cycles of the ripple per turn of the joint", gt=0.0)
-    urdf_dynamics: Literal["leave_out", "add"] = parameter(
-        "leave_out",
-        "friction and damping of `<dynamics>` in the URDF. leave_out: not simulated, which the bridge reports where "
-        "they are not zero; add: added to coulomb and viscous",
-    )
 
     def check(self, joints: int) -> None:
         """See `DriveModel.check`."""

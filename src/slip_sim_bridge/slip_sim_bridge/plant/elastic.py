@@ -30,7 +30,7 @@ from slip_sim_bridge.plant.elastic_step import (
     read_elastic,
 )
 from slip_sim_bridge.plant.joint_step import AGREEMENT, DRIVE_PASSES, TORQUE, joint_step
-from slip_sim_bridge.plant.model import PAD, Divergence, effort_limits, free_object_model, name_of, tree_of
+from slip_sim_bridge.plant.model import PAD, check_divergence, effort_limits, free_object_model, name_of, tree_of
 
 LONGEST_STEP = 0.3
 """Largest step as a share of 1 / omega of the stiffest motion of object and pads; the spring is stable below 2."""
@@ -48,7 +48,6 @@ class ElasticPlant:
         self._params = each = tuple(arms.values())
         self.model = model = free_object_model(arms, urdfs)
         self.data = data = mujoco.MjData(model)
-        self._divergence = Divergence(data)
         names = [[name_of(name, joint) for joint in arm.joint_names] for name, arm in arms.items()]
         ends = np.cumsum([len(joints) for joints in names]).tolist()
         self._joints = [slice(begin, end) for begin, end in zip([0, *ends], ends, strict=False)]
@@ -165,7 +164,7 @@ class ElasticPlant:
             mujoco.mj_step2(model, data)
             elastic_after(self._qvel, self._rows, normal_forces, dt, self._state)
             mujoco.mj_step1(model, data)
-        self._divergence.check()
+        check_divergence(self.data)
 
     def _grip(self, normal_forces: Array) -> None:
         """Write the joint forces of the coming step under the present efforts."""

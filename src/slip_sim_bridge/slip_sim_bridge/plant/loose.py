@@ -17,7 +17,7 @@ from slip_core.records import new, record
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.plant import DivergenceError, read_out
 from slip_sim_bridge.plant.joint_step import TORQUE, joint_step
-from slip_sim_bridge.plant.model import OBJECT, PAD, Divergence, free_object_model, name_of, tree_of
+from slip_sim_bridge.plant.model import OBJECT, PAD, check_divergence, free_object_model, name_of, tree_of
 
 
 class LoosePlant:
@@ -26,7 +26,6 @@ class LoosePlant:
     def __init__(self, arms: Mapping[str, BridgeParams], urdfs: Mapping[str, str]) -> None:
         self.model = free_object_model(arms, urdfs)
         self.data = mujoco.MjData(self.model)
-        self._divergence = Divergence(self.data)
         self._tree = tree_of(self.model)
         ends = np.cumsum([len(arm.joint_names) for arm in arms.values()]).tolist()
         self._joints = [slice(begin, end) for begin, end in zip([0, *ends], ends, strict=False)]
@@ -61,7 +60,7 @@ class LoosePlant:
             data.qfrc_applied[:n] += drives[:, TORQUE]
         mujoco.mj_step2(self.model, self.data)
         mujoco.mj_step1(self.model, self.data)
-        self._divergence.check()
+        check_divergence(self.data)
 
     def holding_effort(self, arm: int, target: Array, stiffness: float, damping: float) -> Array:
         """Return bias + M (stiffness (target - q) - damping qd) of an empty arm; (n,) -> (n,) [N m]."""

@@ -172,23 +172,14 @@ def tree_of(model: mujoco.MjModel) -> WholeArray:
     return np.concatenate((model.M_rowadr, model.M_rownnz, model.M_colind)).astype(np.int64)
 
 
-class Divergence:
-    """Watches MuJoCo's warnings of a state that is not physical."""
+def check_divergence(data: mujoco.MjData) -> None:
+    """Look for MuJoCo's warnings of a state that is not physical, since the last reset.
 
-    def __init__(self, data: mujoco.MjData) -> None:
-        self._data = data
-        self._position, self._velocity, self._acceleration = (data.warning[kind] for kind in _FATAL_WARNINGS)
-
-    def check(self) -> None:
-        """Look for warnings.
-
-        Raises:
-            DivergenceError: where there was one since the last reset.
-        """
-        if self._position.number or self._velocity.number or self._acceleration.number:
-            raise DivergenceError(
-                f"simulation diverged at {self._data.time:.4f} s; reset it, and lower gains or step size"
-            )
+    Raises:
+        DivergenceError: there is one.
+    """
+    if any(data.warning[kind].number for kind in _FATAL_WARNINGS):
+        raise DivergenceError(f"simulation diverged at {data.time:.4f} s; reset it, and lower gains or step size")
 
 
 def _ignore(text: str) -> None:

@@ -24,9 +24,9 @@ from slip_sim_bridge.plant.joint_step import JOINT_DRIVE_SIZE
 from slip_sim_bridge.plant.model import (
     OBJECT,
     PAD,
-    Divergence,
     add_pad,
     arm_spec,
+    check_divergence,
     compile_spec,
     effort_limits,
     push_object,
@@ -87,7 +87,6 @@ class RigidPlant:
         self.model = model = build_model(params, urdf_text)
         self.data = data = mujoco.MjData(model)
         self.effort_limits = (effort_limits(model, params.joint_names),)
-        self._divergence = Divergence(data)
         self._initial = np.array(params.initial_position)
         self._p_R_o = np.ascontiguousarray(matrix_from_quat_xyzw(params.contacts.orientation_xyzw[:4]).T)
         law, self._law = friction_law(params.friction)
@@ -167,7 +166,7 @@ class RigidPlant:
             self._friction_step(efforts, normal_force, substeps)
             mujoco.mj_step2(model, data)
             mujoco.mj_step1(model, data)
-        self._divergence.check()
+        check_divergence(self.data)
 
     def push(self, wrenches: Array) -> None:
         """Let a hand push the object where it is gripped from now on; (1, 6) [N, N m] {w}."""

@@ -1,4 +1,4 @@
-"""What a slip sensor makes of the true slip velocity: chips, gain, noise, outliers, saturation, quantum, dead band.
+"""What a slip sensor makes of the true slip velocity: gain, noise, outliers, saturation, quantum, dead band.
 
 Noise and faults draw from two streams: switching a fault on does not change the noise.
 """
@@ -6,19 +6,16 @@ Noise and faults draw from two streams: switching a fault on does not change the
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 from numpy.random import Generator
 
 from slip_core.arrays import Array, readonly
 from slip_core.types import SlipSample
-from slip_sim_bridge.sensors.params import CHIPS, SlipFaultParams, SlipSensorParams
+from slip_sim_bridge.sensors.params import SlipFaultParams, SlipSensorParams
 
 _INVALID = readonly(np.full(6, math.nan))
 _STILL = readonly(np.zeros(3))
-CHIP_RADIUS = 0.01
-"""Circle on which the chips of an optical sensor sit [m]."""
 
 
 class SlipMeasurement:
@@ -27,19 +24,19 @@ class SlipMeasurement:
     Args:
         params: the sensor.
         slip_axes: where the contact can slip, and so where there is something to measure; (6,) 0 or 1 on pad axes.
-        fault_rng: makes the random stream of the faults from its beginning.
+        fault_rng: random stream of the faults.
     """
 
-    def __init__(self, params: SlipSensorParams, slip_axes: Array, fault_rng: Callable[[], Generator]) -> None:
+    def __init__(self, params: SlipSensorParams, slip_axes: Array, fault_rng: Generator) -> None:
         self._params = params
         self._axes = slip_axes
         self._deviation = np.repeat((params.noise_linear, params.noise_angular), 3) * slip_axes
         self._saturation = np.repeat((params.saturation_linear, params.saturation_angular), 3)
         self._noisy = bool(self._deviation.any())
         self._exact = max(params.quantum_linear, params.dead_band_linear, params.dead_band_angular) == 0.0
-        self._make_rng = fault_rng
+        self._rng = fault_rng
         self.faults = params.faults
-        self.reset()
+        self._last: Array | None = None
 
     @property
     def faults(self) -> SlipFaultParams:
@@ -51,12 +48,7 @@ class SlipMeasurement:
         self._faults = faults
         lossy = faults.silent or faults.invalid or faults.frozen or faults.dropout_probability > 0.0
         self._keeps_all = not lossy and faults.outlier_probability == 0.0
-        self._true_to_scale = not faults.lifted_chips and faults.gain == 1.0 and not any(faults.bias)
-
-    def reset(self) -> None:
-        """Forget the last reading and start the faults' random stream afresh."""
-        self._rng = self._make_rng()
-        self._last: Array | None = None
+        self._true_to_scale = faults.gain == 1.0 and not any(faults.bias)
 
     def __call__(self, truth: SlipSample, rng: Generator) -> SlipSample | None:
         """Return the measured sample, or None where it is lost; noise is drawn from `rng`."""
@@ -82,8 +74,6 @@ class SlipMeasurement:
         faults, twist = self._faults, truth
         if self._true_to_scale:
             return self._digitise(twist if noise is None else twist + self._deviation * noise)
-        if faults.lifted_chips:
-            twist = lifted_chip_reading(twist, faults.lifted_chips)
         if faults.gain != 1.0:
             twist = faults.gain * twist
         if noise is not None:
@@ -115,20 +105,3 @@ def dead_band(twist: Array, linear: float, angular: float) -> Array:
     return (
         twist if moves and turns else np.concatenate((twist[:3] if moves else _STILL, twist[3:] if turns else _STILL))
     )
-
-
-def lifted_chip_reading(twist: Array, lifted: int) -> Array:
-    """Return what optical chips on a circle make of a twist while the first `lifted` of them read zero.
-
-    Every chip reads the two linear velocities at its place; x, y and the turn about z follow by least squares, as a
-    driver does that does not know which chip is off. twist (6,) [m/s, rad/s] {ee}.
-    """
-    angles = 2.0 * math.pi * np.arange(CHIPS) / CHIPS
-    rows = np.zeros((CHIPS, 2, 3))
-    rows[:, 0, 0] = rows[:, 1, 1] = 1.0
-    rows[:, 0, 2], rows[:, 1, 2] = -CHIP_RADIUS * np.sin(angles), CHIP_RADIUS * np.cos(angles)
-    readings = rows @ twist[[0, 1, 5]]
-    readings[:lifted] = 0.0
-    out = twist.copy()
-    out[[0, 1, 5]] = np.linalg.lstsq(rows.reshape(-1, 3), readings.ravel(), rcond=None)[0]
-    return out

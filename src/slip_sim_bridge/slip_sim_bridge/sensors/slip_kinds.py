@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 from numpy.random import Generator
@@ -45,19 +44,14 @@ class DisplacementMeasurement:
         params: the sensor.
         slip_axes: where the contact can slip; (6,) 0 or 1 on pad axes.
         reading: whose faults count.
-        fault_rng: makes the random stream of the losses from its beginning.
+        fault_rng: random stream of the losses.
     """
 
     def __init__(
-        self, params: SlipSensorParams, slip_axes: Array, reading: SlipMeasurement, fault_rng: Callable[[], Generator]
+        self, params: SlipSensorParams, slip_axes: Array, reading: SlipMeasurement, fault_rng: Generator
     ) -> None:
-        self._reading, self._make_rng = reading, fault_rng
+        self._reading, self._rng = reading, fault_rng
         self._deviation = np.repeat((params.noise_position, params.noise_angle), 3) * slip_axes
-        self.reset()
-
-    def reset(self) -> None:
-        """Start the losses' random stream afresh."""
-        self._rng = self._make_rng()
 
     def __call__(self, truth: ObjectTruth, rng: Generator) -> DisplacementSample | None:
         """Return the measured pose, or None where the sample is lost."""

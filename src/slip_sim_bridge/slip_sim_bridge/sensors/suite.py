@@ -39,22 +39,15 @@ class Sensor(Generic[Sample]):
         measure: makes a measured sample of a true one, or None where the sample is lost.
         rate_hz: measuring rate; 0 measures at every update. The first update is a measurement.
         latency_s: time from measurement to publication.
-        rng: makes the sensor's random stream from its beginning.
+        rng: random stream of the sensor.
     """
 
-    def __init__(
-        self, measure: Measure[Sample], rate_hz: float, latency_s: float, rng: Callable[[], np.random.Generator]
-    ) -> None:
+    def __init__(self, measure: Measure[Sample], rate_hz: float, latency_s: float, rng: np.random.Generator) -> None:
         self._measure: Measure[Sample] = measure
         self._rate_hz = rate_hz
         self._latency_ns = round(latency_s * _NS_PER_S)
-        self._make_rng = rng
+        self._rng = rng
         self._prompt = rate_hz == 0.0 and latency_s == 0.0
-        self.reset()
-
-    def reset(self) -> None:
-        """Forget what is under way and start noise and measuring times afresh."""
-        self._rng = self._make_rng()
         self._pending: deque[Sample] = deque()
         self._first_ns: int | None = None
         self._measured = 0
@@ -91,22 +84,14 @@ class Sensor(Generic[Sample]):
 class JointSensor:
     """Joint encoders: a joint state every tick, its values as old and as noisy as the parameters say."""
 
-    def __init__(self, params: JointSensorParams, rng: Callable[[], np.random.Generator]) -> None:
-        self._params = params
-        self._make_rng = rng
+    def __init__(self, params: JointSensorParams, rng: np.random.Generator) -> None:
+        self._params, self._rng = params, rng
         self._held = params.rate_hz > 0.0 or params.latency_s > 0.0
         self._bias = np.array(params.bias_position) if params.bias_position else None
         noisy = params.noise_position > 0.0 or params.noise_velocity > 0.0
         exact = params.quantum_position == 0.0 and params.velocity_filter_hz == 0.0 and params.velocity
         self._ideal = not self._held and self._bias is None and not noisy and exact
-        self.reset()
-
-    def reset(self) -> None:
-        """Start noise and measuring times afresh."""
-        self._rng = self._make_rng()
-        self._source: Sensor[JointSample] = Sensor(
-            lambda truth, _rng: truth, self._params.rate_hz, self._params.latency_s, self._make_rng
-        )
+        self._source: Sensor[JointSample] = Sensor(lambda truth, _rng: truth, params.rate_hz, params.latency_s, rng)
         self._newest: JointSample | None = None
         self._read: tuple[JointSample, Array, Array] | None = None
         self._before: tuple[int, Array] | None = None
@@ -162,8 +147,8 @@ class SensorSuite:
     def __init__(self, params: BridgeParams) -> None:
         sensors = params.sensors
 
-        def stream(name: str) -> Callable[[], np.random.Generator]:
-            return lambda: np.random.default_rng(np.random.SeedSequence(params.seed, spawn_key=(_STREAMS[name],)))
+        def stream(name: str) -> np.random.Generator:
+            return np.random.default_rng(np.random.SeedSequence(params.seed, spawn_key=(_STREAMS[name],)))
 
         slip, wrench = sensors.slip, sensors.wrench
         axes = np.array(params.contacts.slip_axes[:6], dtype=float)
@@ -174,10 +159,10 @@ class SensorSuite:
             measure = FlagMeasurement(self._measure_slip, slip.flag_speed, params.friction.torsional_radius)
         self._measure_wrench = WrenchMeasurement(wrench, stream("wrench faults"))
         self.slip: Sensor[SlipSample] = Sensor(measure, slip.rate_hz, slip.latency_s, stream("slip"))
-        self._measure_place = DisplacementMeasurement(slip, axes, self._measure_slip, stream("slip faults"))
         self.displacement: Sensor[Any] | None = None
         if params.slip_input == "displacement":
-            self.displacement = Sensor(self._measure_place, slip.rate_hz, slip.latency_s, stream("slip"))
+            place = DisplacementMeasurement(slip, axes, self._measure_slip, stream("slip faults"))
+            self.displacement = Sensor(place, slip.rate_hz, slip.latency_s, stream("slip"))
         self.wrench: Sensor[WrenchSample] = Sensor(
             self._measure_wrench, wrench.rate_hz, wrench.latency_s, stream("wrench")
         )
@@ -188,30 +173,19 @@ class SensorSuite:
         self._measure_slip.faults = params.slip.faults
         self._measure_wrench.params = params.wrench
 
-    def reset(self) -> None:
-        """Put all sensors back to their start, noise included; faults stay as they are switched."""
-        self._measure_slip.reset()
-        self._measure_place.reset()
-        self._measure_wrench.reset()
-        self.slip.reset()
-        if self.displacement is not None:
-            self.displacement.reset()
-        self.wrench.reset()
-        self.joint.reset()
-
 
 class WrenchMeasurement:
     """Measures the wrench with the errors of a real sensor; `params` may be replaced at any time.
 
     Args:
         params: the sensor.
-        fault_rng: makes the random stream of the losses from its beginning.
+        fault_rng: random stream of the losses.
     """
 
-    def __init__(self, params: WrenchSensorParams, fault_rng: Callable[[], np.random.Generator]) -> None:
-        self._make_rng = fault_rng
+    def __init__(self, params: WrenchSensorParams, fault_rng: np.random.Generator) -> None:
+        self._rng = fault_rng
         self.params = params
-        self.reset()
+        self._began_ns: int | None = None
 
     @property
     def params(self) -> WrenchSensorParams:
@@ -229,11 +203,6 @@ class WrenchMeasurement:
         self._exact = params.gain == 1.0 and not any((*params.rotation, *params.bias, *params.drift))
         self._noisy = params.noise_force > 0.0 or params.noise_torque > 0.0
         self._deviation = np.repeat((params.noise_force, params.noise_torque), 3)
-
-    def reset(self) -> None:
-        """Start the losses' random stream afresh."""
-        self._rng = self._make_rng()
-        self._began_ns: int | None = None
 
     def __call__(self, truth: WrenchSample, rng: np.random.Generator) -> WrenchSample | None:
         """Return the measured sample, or None where it is lost; noise is drawn from `rng`."""

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from slip_bags.provenance import provenance
 from slip_core.files.plain_yaml import parse_json
 from slip_vic.replay.replay import Divergence, replay
 from slip_vic.replay.run_data import RecordedRun
-from slip_vic.run.versions import versions
+from slip_vic.run.versions import git_revision, versions
 
 KINDS = {"effort": "efforts", "velocity": "velocities", "position": "positions"}
 
@@ -60,11 +59,9 @@ def verify_run(runs: Mapping[str, RecordedRun], on_cycle: Callable[[], None] = l
 
 def other_software(custom_data: Mapping[str, str]) -> list[str]:
     """Say what a bag was recorded with that is not the same here: only the same software gives the same bits."""
-    here = provenance()
-    notes = []
-    for key in ("platform", "cpu", "git_revision"):
-        if key in custom_data and custom_data[key] != here[key]:
-            notes.append(f"recorded with {key} {custom_data[key]}, here it is {here[key]}")
+    notes, revision = [], custom_data.get("git_revision", "")
+    if revision and revision != git_revision():
+        notes.append(f"recorded with revision {revision}, here it is {git_revision()}")
     try:
         recorded = dict(parse_json(custom_data.get("versions", "{}")))
     except (ValueError, TypeError):

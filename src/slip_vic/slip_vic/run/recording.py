@@ -8,7 +8,7 @@ from pathlib import Path
 from slip_core.topics import TOPICS
 from slip_core.types import INTERFACES
 from slip_vic.run.processes import python_module
-from slip_vic.run.versions import versions
+from slip_vic.run.versions import git_revision, versions
 from slip_vic.scenarios.scenario import NODES, Scenario, ros_parameter_file
 from slip_vic_controller.params.node_params import ControllerNodeParams
 
@@ -61,6 +61,7 @@ def recorder_command(scenario: Scenario, bag: Path, folder: Path, namespace: str
         "law": scenario.law,
         "seed": str(scenario.seed),
         "versions": json.dumps(dict(versions())),
+        "git_revision": git_revision(),
     }
     for key, value in custom.items():
         arguments += ["--custom-data", f"{key}={value}"]

@@ -44,7 +44,7 @@ class Track:
             positions, rotations = zip(*(reading.pad for reading in readings), strict=True)
             wrenches = [reading.wrench.wrench for reading in readings]
             radius = self.scenario.first.friction.torsional_radius
-            _, parts = internal_wrenches(wrenches, positions, rotations, thing.position, radius)
+            parts = internal_wrenches(wrenches, positions, rotations, thing.position, radius)
             for rows, internal in zip(self._rows, parts, strict=True):
                 rows["internal"].append(np.array(internal))
         for k, (reading, result, effort) in enumerate(zip(readings, tick.results, tick.efforts, strict=True)):

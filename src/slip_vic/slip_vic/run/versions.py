@@ -7,9 +7,12 @@ import hashlib
 import importlib.metadata
 import importlib.util
 import platform
+import subprocess
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Final
 
+_GIT_TIMEOUT_S: Final = 5.0
 LIBRARIES = ("numpy", "scipy", "numba", "llvmlite", "pin", "mujoco", "pydantic")
 """Distributions on which the numbers of a row can depend."""
 
@@ -43,6 +46,18 @@ def versions() -> Mapping[str, str]:
             part for file in files for part in (file.relative_to(path.parent).as_posix().encode(), file.read_bytes())
         )
     return found
+
+
+def git_revision() -> str:
+    """Return the commit this code runs from, with ``+changes`` where the tree differs, "" outside a repository."""
+    command = ("git", "describe", "--always", "--abbrev=40", "--exclude=*", "--dirty=+changes")
+    try:
+        done = subprocess.run(
+            command, cwd=Path(__file__).parent, capture_output=True, text=True, timeout=_GIT_TIMEOUT_S, check=True
+        )
+    except (OSError, subprocess.SubprocessError):
+        return ""
+    return done.stdout.strip()
 
 
 def digest(parts: Iterable[bytes]) -> str:
