@@ -11,15 +11,16 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from slip_msgs_py.environment import choose_transport
+from slip_msgs_py.events import Kind
 from slip_vic.run.domain import domain_id
-from slip_vic.run.processes import Child, EventKind, ProcessGroup, child_environment
+from slip_vic.run.processes import Child, ProcessGroup, child_environment
 
 RESEND_S = 10.0
 DEADLINE_S = 90.0  # for things that take well under a second on an idle machine
@@ -51,9 +52,9 @@ class Processes:
         """Start this interpreter with arguments such as ``-m module`` or a script."""
         return self.start(name, [sys.executable, *map(str, arguments)], **extra)
 
-    def wait_event(self, child: Child, kind: type[EventKind]) -> EventKind:
+    def wait_event(self, child: Child, kind: Kind) -> Mapping[str, Any]:
         """Wait until a child has told an event; fail with its last lines where it ends first."""
-        what = f"{kind.__name__} of {child.name}"
+        what = f"{kind} of {child.name}"
         wait_until(lambda: child.last(kind) is not None or child.exit_code is not None, what)
         if child.last(kind) is None:
             child.wait(1.0)

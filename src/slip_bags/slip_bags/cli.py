@@ -80,9 +80,9 @@ def record(
                 node, folder, topics, stop, everything=everything, custom_data=texts, attachments=files
             )
     except SlipVicError as error:
-        events.emit(events.Failed(str(error)))
+        events.emit("error", text=str(error))
         raise
-    events.emit(events.Done(summary))
+    events.emit("done", **summary)
     if not events.wanted():
         click.echo(f"{folder}: {summary['messages']} messages, {summary['lost']} lost")
 

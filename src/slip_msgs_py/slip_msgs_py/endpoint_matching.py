@@ -11,7 +11,6 @@ from rclpy.qos import QoSCompatibility, qos_check_compatible
 from rclpy.subscription import Subscription
 
 from slip_core.errors import ProtocolError
-from slip_msgs_py.environment import another_starts
 
 FIRST_SAID_S, SAID_AGAIN_S = 1.0, 10.0
 
@@ -72,8 +71,7 @@ class Waiting:
         """Say what is missing, where it is time to."""
         if time.monotonic() >= self._next_s:
             self._next_s = time.monotonic() + SAID_AGAIN_S
-            compiles = "; another node is still starting, and compiles its formulas the first time"
-            self._report(f"waits: {missing()}{compiles if another_starts() else ''}")
+            self._report(f"waits: {missing()}")
 
 
 def wait_until(
@@ -88,8 +86,7 @@ def wait_until(
     """Spin until `condition` holds; return False where the process was asked to stop first.
 
     Raises:
-        ProtocolError: after `timeout_s` on the steady clock in which no other node was starting, with what `explain`
-            says.
+        ProtocolError: after `timeout_s` on the steady clock, with what `explain` says.
     """
     deadline = time.monotonic() + timeout_s
     while not condition():
@@ -97,8 +94,6 @@ def wait_until(
             return False
         waiting.tell(explain)
         if time.monotonic() > deadline:
-            if not another_starts():
-                raise ProtocolError(f"waited {timeout_s:g} s: {explain()}")
-            deadline = time.monotonic() + timeout_s
+            raise ProtocolError(f"waited {timeout_s:g} s: {explain()}")
         spin_once(0.01)
     return True

@@ -1,4 +1,4 @@
-"""What surrounds a process: an installed ROS, how DDS sends, and other processes that are still starting.
+"""What surrounds a process: an installed ROS, and how DDS sends.
 
 By default DDS sends by UDP alone, and on this machine only. ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST limits whom a node
 looks for, not who finds it: its sockets are open on every interface, and a machine that names this one in its
@@ -10,14 +10,10 @@ controller too, and a node that starts where a killed one listened may receive n
 
 from __future__ import annotations
 
-import contextlib
-import fcntl
 import importlib.util
 import os
-import tempfile
-from collections.abc import Iterator
 from pathlib import Path
-from typing import IO, Final
+from typing import Final
 
 from slip_core.errors import InputError
 
@@ -71,39 +67,3 @@ def is_of_ros(error: ModuleNotFoundError) -> bool:
     name = (error.name or "").partition(".")[0]
     ours = name.startswith(("rcl", "rosidl", "rpyutils", "builtin_interfaces", "ament_")) or name.endswith("_msgs")
     return ours and importlib.util.find_spec("rclpy") is None
-
-
-@contextlib.contextmanager
-def starting() -> Iterator[None]:
-    """Show other processes of this user that this one is still being imported, the first time for over a minute.
-
-    The lock it holds keeps a node that waits for another from timing out before that one has started.
-    """
-    lock = _lock_file()
-    if lock is None:
-        yield
-        return
-    with lock:
-        fcntl.flock(lock, fcntl.LOCK_SH)
-        yield
-
-
-def another_starts() -> bool:
-    """Return whether a process of this user is still being imported."""
-    lock = _lock_file()
-    if lock is None:
-        return False
-    with lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            return True
-        return False
-
-
-def _lock_file() -> IO[bytes] | None:
-    path = os.path.join(tempfile.gettempdir(), f"slip_vic_starting.{os.getuid()}")
-    try:
-        return open(os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600), "rb")
-    except OSError:  # without the lock, timeouts apply as configured
-        return None

@@ -9,79 +9,22 @@ import json
 import os
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from typing import Any, Final
-
-from slip_core.incidents import Incident
+from typing import Any, Final, Literal, NamedTuple, get_args
 
 EVENTS_VARIABLE: Final = "SLIP_VIC_EVENTS"
 
-
-@dataclass(frozen=True, slots=True)
-class Started:
-    """The bridge lets time run."""
-
-
-@dataclass(frozen=True, slots=True)
-class Ready:
-    """All endpoints of the process are matched."""
+Kind = Literal["started", "ready", "progress", "status", "incident", "warning", "error", "done"]
+"""The bridge lets time run. All endpoints of the process are matched. The bridge has simulated so far (`sim_time_s`,
+`ticks`). The recorder has written so many messages, and knows of so many that were lost (`messages`, `lost`). The run
+went wrong (the fields of `Incident`). Something was refused or is not as wished; the process ends with an error
+(`text`, one line). The process has finished its work (its results by name)."""
 
 
-@dataclass(frozen=True, slots=True)
-class Progress:
-    """The bridge has simulated so far [s], in so many ticks."""
+class Event(NamedTuple):
+    """What happened, and what belongs to it by name, as JSON can hold it."""
 
-    sim_time_s: float
-    ticks: int
-
-
-@dataclass(frozen=True, slots=True)
-class Status:
-    """The recorder has written so many messages, and knows of so many that were lost."""
-
-    messages: int
-    lost: int
-
-
-@dataclass(frozen=True, slots=True)
-class Warned:
-    """Something was refused or is not as wished; one line of text."""
-
-    text: str
-
-
-@dataclass(frozen=True, slots=True)
-class Failed:
-    """The process ends with an error; one line of text."""
-
-    text: str
-
-
-@dataclass(frozen=True, slots=True)
-class Done:
-    """The process has finished its work; its results by name, as JSON can hold them."""
-
+    kind: Kind
     values: Mapping[str, Any]
-
-
-Event = Started | Ready | Progress | Status | Incident | Warned | Failed | Done
-_KINDS: Final[Mapping[str, type[Event]]] = {
-    "started": Started,
-    "ready": Ready,
-    "progress": Progress,
-    "status": Status,
-    "incident": Incident,
-    "warning": Warned,
-    "error": Failed,
-    "done": Done,
-}
-_NAMES: Final = {kind: name for name, kind in _KINDS.items()}
-
-
-def encode(event: Event) -> str:
-    """Return an event as one line of JSON, without the line's end."""
-    values = {item.name: getattr(event, item.name) for item in fields(event)}
-    return json.dumps({"event": _NAMES[type(event)], **values})
 
 
 def decode(line: str) -> Event | None:
@@ -90,9 +33,10 @@ def decode(line: str) -> Event | None:
         return None
     try:
         values = json.loads(line)
-        return _KINDS[values.pop("event")](**values)
-    except (ValueError, KeyError, TypeError):
+    except ValueError:
         return None
+    kind = values.pop("event")
+    return Event(kind, values) if kind in get_args(Kind) else None
 
 
 def wanted() -> bool:
@@ -100,15 +44,15 @@ def wanted() -> bool:
     return os.environ.get(EVENTS_VARIABLE) == "1"
 
 
-def emit(event: Event) -> None:
+def emit(kind: Kind, **values: Any) -> None:
     """Tell the parent, where one listens."""
     if wanted():
-        print(encode(event), flush=True)
+        print(json.dumps({"event": kind, **values}), flush=True)
 
 
 def warn(source: str, text: str) -> None:
     """Tell the parent of a warning; where none listens, print it to stderr with its source."""
     if wanted():
-        emit(Warned(text))
+        emit("warning", text=text)
     else:
         print(f"warning: {source}: {text}", file=sys.stderr, flush=True)

@@ -6,7 +6,7 @@ import importlib
 import os
 import sys
 
-from slip_msgs_py.environment import is_of_ros, no_ros, starting
+from slip_msgs_py.environment import is_of_ros, no_ros
 from slip_msgs_py.stop_flag import StopFlag, ending_at_once
 
 HELP = """usage: {name} [--ros-args [--params-file FILE] [-p NAME:=VALUE]... [-r FROM:=TO]...]
@@ -34,7 +34,7 @@ def main_of(module: str, node: str, name: str, about: str) -> int:
         return 0
     StopFlag().install()
     try:
-        with ending_at_once(0), starting():
+        with ending_at_once(0):
             run_node = importlib.import_module("slip_msgs_py.node_main").run_node
             factory = getattr(importlib.import_module(module), node)
     except ModuleNotFoundError as error:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import asdict
 from functools import partial
 from typing import Any
 
@@ -23,7 +24,7 @@ from slip_core.stamps import split_ns
 from slip_core.timing import Window, spread
 from slip_core.types import JointCommand
 from slip_msgs_py.endpoint_matching import EndpointMatching, Waiting, wait_until
-from slip_msgs_py.events import Done, Progress, Started, emit
+from slip_msgs_py.events import emit
 from slip_msgs_py.executor import Spinner
 from slip_msgs_py.fast_io import Refusals, create_sender
 from slip_msgs_py.messages import forms, to_msgs
@@ -166,7 +167,7 @@ class SlipSimBridge(GuardedNode, Node):
         if not self._wait_for_peers(should_stop):
             return
         set_up_interpreter()
-        emit(Started())
+        emit("started")
         self.get_logger().info("matched: time runs")
         self._started_wall = time.monotonic()
         self._progress_wall = 0.0
@@ -178,7 +179,7 @@ class SlipSimBridge(GuardedNode, Node):
             raise self._failure
         wall = time.monotonic() - self._started_wall
         results = {"ticks": self.session.tick, "sim_time_s": self.session.elapsed_s, "wall_time_s": wall}
-        emit(Done({**results, "memory_mib": memory_mib(), **self._timing()}))
+        emit("done", **results, memory_mib=memory_mib(), **self._timing())
 
     def _timing(self) -> dict[str, object]:
         """Return how a real-time run went, for the launcher."""
@@ -339,7 +340,7 @@ class SlipSimBridge(GuardedNode, Node):
         lost, before = self.session.lost, self._lost
         self._lost = lost
         if lost is not None and before is None:
-            emit(lost)
+            emit("incident", **asdict(lost))
             self.get_logger().warning(str(lost))
 
     def _publish_truth(self, outputs: TickOutputs) -> None:
@@ -362,7 +363,7 @@ class SlipSimBridge(GuardedNode, Node):
         now = time.monotonic()
         if now - self._progress_wall > PROGRESS_EVERY_S:
             self._progress_wall = now
-            emit(Progress(self.session.elapsed_s, self.session.tick))
+            emit("progress", sim_time_s=self.session.elapsed_s, ticks=self.session.tick)
 
 
 def arm_urdf(params: BridgeParams) -> str:

@@ -148,7 +148,9 @@ class BridgeParams(ArmParams):
         "once (realtime only)",
         ge=0,
     )
-    peer_timeout_s: float = parameter(30.0, "how long to wait for the peers", unit="s", gt=0.0)
+    peer_timeout_s: float = parameter(
+        180.0, "how long to wait for the peers; one that compiles its formulas takes over a minute", unit="s", gt=0.0
+    )
     lockstep_timeout_s: float = parameter(5.0, "longest wait for the command of a lockstep tick", unit="s", gt=0.0)
     command_timeout_s: float = parameter(
         0.03,

@@ -20,7 +20,6 @@ from slip_bags.recording import recorder
 from slip_bags.recover import recover
 from slip_bags.ros_node import ros_node as ros_context
 from slip_bags.writer import BagWriter, StorageError
-from slip_msgs_py.events import Failed, Ready, Status, Warned
 from test.support.ros import wait_until
 
 RECORDER = ("-m", "slip_bags.cli", "record", "--output")
@@ -60,13 +59,13 @@ def finish(processes, recorder, signal_number: int = signal.SIGINT) -> dict:
 
 
 def received(recorder) -> int:
-    status = recorder.last(Status)
-    return status.messages if status else 0
+    status = recorder.last("status")
+    return status["messages"] if status else 0
 
 
 def accounted(recorder) -> int:
-    status = recorder.last(Status)
-    return received(recorder) + (status.lost if status else 0)
+    status = recorder.last("status")
+    return received(recorder) + (status["lost"] if status else 0)
 
 
 def wait_received(recorder, count: int) -> None:
@@ -82,7 +81,7 @@ def test_everything_after_ready_is_recorded(processes, ros_node, tmp_path):
         "/one", "/two",
         *("--attach", f"arm.urdf={tmp_path / 'arm.urdf'}", "--custom-data", "scenario=test"),
     )  # fmt: skip
-    processes.wait_event(recorder, Ready)
+    processes.wait_event(recorder, "ready")
     one.wait_matched()
     two.wait_matched()
     for _ in range(COUNT):
@@ -116,7 +115,7 @@ def test_late_topics_latched_topics_and_other_namespaces(processes, ros_node, tm
     early.wait_matched()
     late = Sender(ros_node, "/arm/late", LATCHED)
     late.send(50)
-    processes.wait_event(recorder, Ready)
+    processes.wait_event(recorder, "ready")
     late.send(50)
     summary = finish(processes, recorder)
     assert summary["topics"]["/arm/late"]["lost"] == 0
@@ -129,10 +128,10 @@ def test_late_topics_latched_topics_and_other_namespaces(processes, ros_node, tm
 def test_a_weaker_publisher_that_joins_is_reported(processes, ros_node, tmp_path):
     first = Sender(ros_node, "/x", RELIABLE)
     recorder = processes.python("recorder", *RECORDER, tmp_path / "bag", "/x")
-    processes.wait_event(recorder, Ready)
+    processes.wait_event(recorder, "ready")
     first.send(1)
     second = Sender(ros_node, "/x", BEST_EFFORT)
-    assert "weaker QoS" in processes.wait_event(recorder, Warned).text
+    assert "weaker QoS" in processes.wait_event(recorder, "warning")["text"]
     second.send(1)
     summary = finish(processes, recorder)
     assert summary["topics"]["/x"] == {"messages": 1, "lost": None}
@@ -167,7 +166,7 @@ def test_publishers_that_follow_each_other(processes, ros_node, tmp_path):
     for round_number in range(2):
         sender = Sender(ros_node, "/x", RELIABLE)
         sender.wait_matched()
-        processes.wait_event(recorder, Ready)
+        processes.wait_event(recorder, "ready")
         sender.send(50)
         wait_received(recorder, 50 * (round_number + 1))
         ros_node.destroy_publisher(sender.publisher)
@@ -180,7 +179,7 @@ def test_topic_that_is_never_published_is_reported(processes, tmp_path):
     recorder = processes.python("recorder", *RECORDER, tmp_path / "bag", "/x")
     wait_until((tmp_path / "bag").exists, "the recorder")
     assert finish(processes, recorder)["topics"] == {"/x": {"messages": 0, "lost": 0}}
-    assert recorder.last(Ready) is None
+    assert recorder.last("ready") is None
     with Bag(tmp_path / "bag") as bag:
         assert bag.message_count == 0
 
@@ -197,7 +196,7 @@ def test_topic_that_is_never_published_is_reported(processes, tmp_path):
 def test_bad_options_end_in_one_line_and_leave_nothing(processes, tmp_path, arguments, line):
     recorder = processes.python("recorder", *RECORDER, tmp_path / "bag", *arguments)
     assert processes.wait_end(recorder) == 2
-    assert line in processes.wait_event(recorder, Failed).text
+    assert line in processes.wait_event(recorder, "error")["text"]
     assert not (tmp_path / "bag").exists()
 
 
@@ -205,7 +204,7 @@ def test_killed_recording_is_recovered_without_gaps(processes, ros_node, tmp_pat
     """What was flushed is there, complete from the first message on."""
     sender = Sender(ros_node, "/x", RELIABLE)
     recorder = processes.python("recorder", *RECORDER, tmp_path / "bag", "/x")
-    processes.wait_event(recorder, Ready)
+    processes.wait_event(recorder, "ready")
     sender.wait_matched()
     sender.send(50)
     wait_received(recorder, 50)

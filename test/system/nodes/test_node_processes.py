@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from slip_msgs_py.events import Progress
 from slip_vic.scenarios.scenario import NODES, load_scenario, ros_parameter_file
 from test.support.ros import Processes
 
@@ -41,7 +40,7 @@ def test_signal_ends_both_nodes(processes: Processes, params) -> None:
     number = signal.SIGTERM  # SIGINT ends the nodes of most other tests
     controller = processes.python("controller", "-m", CONTROLLER, *params("controller"))
     bridge = processes.python("bridge", "-m", BRIDGE, *params("bridge", "bridge.duration_s=1000.0"))
-    processes.wait_event(bridge, Progress)
+    processes.wait_event(bridge, "progress")
     assert processes.stop(bridge, number) == 0, bridge.tail()
     assert processes.stop(controller, number) == 0, controller.tail()
 
@@ -68,7 +67,7 @@ def test_dead_controller_is_reported(processes: Processes, params) -> None:
     bridge = processes.python(
         "bridge", "-m", BRIDGE, *params("bridge", "bridge.duration_s=1000.0", "bridge.lockstep_timeout_s=0.5")
     )
-    processes.wait_event(bridge, Progress)
+    processes.wait_event(bridge, "progress")
     processes.kill(controller)
     assert processes.wait_end(bridge) == 1
     (line,) = [line for line in bridge.lines if line.startswith("error:")]

@@ -13,7 +13,6 @@ from typing import Any
 import pytest
 
 from slip_bags.reader import Bag
-from slip_msgs_py.events import Started
 from slip_vic.replay.run_data import read_run
 from slip_vic.replay.verify import verify_run
 from slip_vic.run.judge import Verdict, judge_bag
@@ -97,7 +96,7 @@ def start_nodes(scenario: Scenario, processes: Processes, folder: Path) -> tuple
     nodes = []
     for name in ("controller", "bridge"):
         nodes.append(processes.start(name, node_command(name, getattr(scenario, name), folder)))
-    wait_until(lambda: nodes[1].last(Started) is not None, "the bridge", STARTS_S)
+    wait_until(lambda: nodes[1].last("started") is not None, "the bridge", STARTS_S)
     return nodes[0], nodes[1]
 
 

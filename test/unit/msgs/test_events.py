@@ -4,33 +4,24 @@ from __future__ import annotations
 
 import pytest
 
-from slip_core.incidents import Incident
 from slip_msgs_py import events
-from slip_msgs_py.events import Done, Failed, Progress, Ready, Started, Status, Warned, decode, emit, encode, warn
+from slip_msgs_py.events import decode, emit, warn
 from slip_vic.run.launcher import Launcher
 from slip_vic.scenarios.scenario import load_scenario
 
-EVENTS = (
-    Started(),
-    Ready(),
-    Progress(0.25, 250),
-    Status(12, 1),
-    Incident("lost", 1.25, "the object is lost: the grip is zero"),
-    Warned('core 7 is not available ("7")'),
-    Failed("File too large"),
-    Done({"ticks": 3, "topics": {"/a": {"lost": None}}}),
-)
 
-
-@pytest.mark.parametrize("event", EVENTS, ids=lambda event: type(event).__name__)
-def test_an_event_survives_the_way_through_its_line(event: events.Event) -> None:
-    line = encode(event)
-    assert "\n" not in line
-    assert decode(line) == event
-
-
-def test_every_kind_of_event_is_covered() -> None:
-    assert {type(event) for event in EVENTS} == set(events.Event.__args__)
+def test_events_survive_the_way_through_their_lines(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv(events.EVENTS_VARIABLE, "1")
+    emit("ready")
+    emit("warning", text='core 7 is not available ("7")\n')
+    emit("done", ticks=3, topics={"/a": {"lost": None}})
+    assert [decode(line) for line in capsys.readouterr().out.splitlines()] == [
+        ("ready", {}),
+        ("warning", {"text": 'core 7 is not available ("7")\n'}),
+        ("done", {"ticks": 3, "topics": {"/a": {"lost": None}}}),
+    ]
 
 
 @pytest.mark.parametrize(
@@ -38,8 +29,6 @@ def test_every_kind_of_event_is_covered() -> None:
     [
         "",
         "error: a line for people",
-        '{"event": "warning", "message": "another spelling"}',
-        '{"event": "warning"}',
         '{"event": "unheard of"}',
         '{"event": ["list"]}',
         '{"event"',
@@ -69,7 +58,7 @@ def test_without_a_parent_only_warnings_are_told(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.delenv(events.EVENTS_VARIABLE, raising=False)
-    emit(Ready())
+    emit("ready")
     warn("recorder", "topic /x has several types")
     told = capsys.readouterr()
     assert (told.out, told.err) == ("", "warning: recorder: topic /x has several types\n")

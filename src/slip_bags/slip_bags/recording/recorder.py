@@ -194,11 +194,12 @@ def record(
             recorder.poll()
             if not announced and recorder.ready:
                 announced = True
-                events.emit(events.Ready())
+                events.emit("ready")
             if time.monotonic() >= next_flush:
                 _flush(writer)
                 next_flush = time.monotonic() + FLUSH_S
-                events.emit(events.Status(*recorder.totals()))
+                messages, lost = recorder.totals()
+                events.emit("status", messages=messages, lost=lost)
             time.sleep(POLL_S)
         summary = recorder.finish()
         writer.custom_data["recorder"] = json.dumps(summary)

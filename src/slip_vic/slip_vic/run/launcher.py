@@ -12,7 +12,7 @@ from pathlib import Path
 from slip_core.errors import InputError, ProtocolError
 from slip_core.incidents import Incident
 from slip_msgs_py.environment import check_ros
-from slip_msgs_py.events import Event, Progress, Started, Warned
+from slip_msgs_py.events import Event
 from slip_msgs_py.realtime import ProcessOptions
 from slip_msgs_py.stop_flag import StopFlag
 from slip_vic.run.domain import check_domain, domain_from_environment, domain_id
@@ -149,7 +149,7 @@ class Launcher:
             order.append((name, node_command(name, getattr(ready, name), folder, *words, process=process)))
         children = {name: group.start(name, argv, environment, self.note) for name, argv in order}
         self._wait(
-            group, lambda: children["bridge"].last(Started) is not None, READY_TIMEOUT_S, "the processes to get ready"
+            group, lambda: children["bridge"].last("started") is not None, READY_TIMEOUT_S, "the processes to get ready"
         )
         self._wait(group, lambda: children["bridge"].exit_code is not None, None, "")
         group.stop([children["controller"]])
@@ -169,12 +169,12 @@ class Launcher:
 
     def note(self, name: str, event: Event) -> None:
         """Take one event of a child; called from its reader thread."""
-        if isinstance(event, Warned):
-            self.warnings.append(f"{name}: {event.text}")
-        elif isinstance(event, Progress):
-            self._on_progress(event.sim_time_s)
-        elif isinstance(event, Incident):
-            self._incidents.append(event)
+        if event.kind == "warning":
+            self.warnings.append(f"{name}: {event.values['text']}")
+        elif event.kind == "progress":
+            self._on_progress(event.values["sim_time_s"])
+        elif event.kind == "incident":
+            self._incidents.append(Incident(**event.values))
 
     def _wait(self, group: ProcessGroup, done: Callable[[], bool], timeout_s: float | None, what: str) -> None:
         deadline = None if timeout_s is None else time.monotonic() + timeout_s

@@ -11,18 +11,17 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from typing import IO, Any, TypeVar
+from typing import IO, Any
 
 import psutil
 
 from slip_core.errors import InputError, ProtocolError, SlipVicError
 from slip_msgs_py import events
-from slip_msgs_py.events import Event
+from slip_msgs_py.events import Event, Kind
 
 LAST_LINES = 12
 GRACE_S = 5.0
 HASTE_S = 3.0  # nodes end by themselves before that (`node_main.LONGEST_END_S`)
-EventKind = TypeVar("EventKind", bound=Event)
 
 
 class Child:
@@ -42,7 +41,7 @@ class Child:
         self._on_event = on_event
         self.lines: deque[str] = deque(maxlen=LAST_LINES)
         self.line_count = 0
-        self._last: dict[type, Event] = {}
+        self._last: dict[Kind, Mapping[str, Any]] = {}
         # A session of its own: Ctrl-C reaches the launcher alone, which then ends the children in order.
         self._process = subprocess.Popen(
             list(argv),
@@ -69,19 +68,17 @@ class Child:
                 self.lines.append(text)
                 self.line_count += 1
             else:
-                self._last[type(event)] = event
+                self._last[event.kind] = event.values
                 self._on_event(self.name, event)
 
-    def last(self, kind: type[EventKind]) -> EventKind | None:
-        """Return the last event of a kind; None where it has sent none."""
-        event = self._last.get(kind)
-        return event if isinstance(event, kind) else None
+    def last(self, kind: Kind) -> Mapping[str, Any] | None:
+        """Return the values of the last event of a kind; None where it has sent none."""
+        return self._last.get(kind)
 
     @property
     def results(self) -> Mapping[str, Any]:
         """What the process reported when it was done; empty before."""
-        done = self.last(events.Done)
-        return done.values if done else {}
+        return self.last("done") or {}
 
     @property
     def pid(self) -> int:

@@ -24,7 +24,7 @@ from slip_core.files.urdf import placed_urdf
 from slip_core.files.urdf_file import read_urdf
 from slip_core.grasp_params import BaseParams
 from slip_msgs_py.endpoint_matching import EndpointMatching, Waiting
-from slip_msgs_py.events import Done, Ready, emit
+from slip_msgs_py.events import emit
 from slip_msgs_py.executor import Spinner
 from slip_msgs_py.fast_io import Refusals, create_receiver
 from slip_msgs_py.messages import to_msgs
@@ -279,7 +279,7 @@ class SlipVicController(GuardedNode, LifecycleNode):
         set_up_interpreter()
         self._ready = True
         self._pub_ready.publish(to_msgs.string("controller"))
-        emit(Ready())
+        emit("ready")
         self.get_logger().info("matched: every input has a publisher, and the efforts have a subscriber")
 
     def destroy_node(self) -> None:
@@ -304,7 +304,7 @@ class SlipVicController(GuardedNode, LifecycleNode):
         if self.session.active:
             self._say_no_command()
         missed = sum(arm.missed for arm in self._arms)
-        emit(Done({"cycles": self.session.arms[0].cycles, "missed": missed, "memory_mib": memory_mib()}))
+        emit("done", cycles=self.session.arms[0].cycles, missed=missed, memory_mib=memory_mib())
 
 
 def make_controller(params: Mapping[str, ControllerNodeParams]) -> Controller:

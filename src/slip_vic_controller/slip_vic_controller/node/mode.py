@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
@@ -99,7 +99,7 @@ class ModeInterface:
         incident = self._incidents.see(result)
         if incident is not None:
             name = self._arm.name
-            emit(replace(incident, text=f"{name}: {incident.text}") if name else incident)
+            emit("incident", **asdict(replace(incident, text=f"{name}: {incident.text}") if name else incident))
         reason = result.reason + go_on
         if now != self._last:
             line = f"{mode.name}: {reason}" if reason else mode.name
