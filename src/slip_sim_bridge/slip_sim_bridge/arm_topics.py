@@ -45,7 +45,7 @@ class ArmTopics:
         kinds: dict[str, tuple[str, forms.Form, Any]] = {
             "twist": ("slip_velocity", forms.twist(frame), to_msgs.slip_numbers),
             "displacement": ("slip_displacement", forms.pose(frame), lambda sample: sample.pose),
-            "flag": ("slip_flag", forms.flag(), to_msgs.flag_numbers),
+            "flag": ("slip_flag", forms.scalars(("slip",)), lambda sample: to_msgs.slip_numbers(sample)[:1]),
         }
         name, form, self._slip_numbers = kinds[params.slip_input]
         self._send_slip = create_sender(part, name, form)

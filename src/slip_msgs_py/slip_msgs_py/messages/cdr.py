@@ -12,7 +12,6 @@ import re
 import struct
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from operator import attrgetter
 from typing import Any, Final
 
@@ -21,23 +20,13 @@ from numpy.typing import NDArray
 from rclpy.serialization import deserialize_message, serialize_message
 
 from slip_core.stamps import NS_PER_S
-from slip_msgs_py.messages.layout import HEADER_BYTES, Layout, layout_of
+from slip_msgs_py.messages.layout import HEADER_BYTES, Layout, Leaf, layout_of
 
 _KINDS: Final = {"double": "d", "int64": "q"}
 _DTYPES: Final = {"d": np.dtype("<f8"), "q": np.dtype("<i8")}
 _STAMP: Final = struct.Struct("<iI")
 _frombuffer = np.frombuffer
 Numbers = NDArray[Any]  # float64 or int64
-
-
-@dataclass(frozen=True, slots=True)
-class NumberBlock:
-    """Numbers of one kind (a `struct` letter) that lie side by side from `offset` on."""
-
-    path: str
-    kind: str
-    offset: int
-    count: int
 
 
 def laid_out(message: object) -> tuple[bytes, Layout]:
@@ -49,8 +38,8 @@ def laid_out(message: object) -> tuple[bytes, Layout]:
     return bytes(template), layout
 
 
-def block_under(layout: Layout, path: str) -> NumberBlock:
-    """Return all numbers at `path` and below it as one block.
+def block_under(layout: Layout, path: str) -> Leaf:
+    """Return all numbers at `path` and below it as one leaf, its kind a letter of `struct`.
 
     Raises:
         ValueError: where they are none, of several kinds, not side by side, or neither float64 nor int64.
@@ -62,7 +51,7 @@ def block_under(layout: Layout, path: str) -> NumberBlock:
     side_by_side = found[-1].offset + 8 * found[-1].count == first.offset + 8 * total
     if first.kind not in _KINDS or any(leaf.kind != first.kind for leaf in found) or not side_by_side:
         raise ValueError(f"{path}: its numbers are not one block of float64 or int64")
-    return NumberBlock(path, _KINDS[first.kind], first.offset, total)
+    return Leaf(path, _KINDS[first.kind], first.offset, total)
 
 
 class CdrCodec:

@@ -76,11 +76,6 @@ def pose(frame_id: str = WORLD) -> Form:
     return Form("geometry_msgs/msg/PoseStamped", ("pose",), (7,), {"header.frame_id": frame_id})
 
 
-def flag() -> Form:
-    """One flag of slip, 1, 0 or NaN; (1,)."""
-    return scalars(("slip",))
-
-
 def odometry() -> Form:
     """The object's pose (7,) in `world` and twist (6,) in its own axes, as nav_msgs/Odometry defines it."""
     frames = {"header.frame_id": WORLD, "child_frame_id": OBJECT}

@@ -63,11 +63,6 @@ def slip_numbers(sample: SlipSample) -> Array:
     return sample.twist if sample.valid else _INVALID
 
 
-def flag_numbers(sample: SlipSample) -> Array:
-    """Return the flag of a slip sample (1,): 1, 0, or NaN where it is invalid."""
-    return slip_numbers(sample)[:1]
-
-
 def pose_numbers(position: Array, rotation: Array) -> Array:
     """Return position and quaternion x y z w; (3,) [m], (3, 3) -> (7,)."""
     numbers = np.empty(7)
