@@ -65,8 +65,8 @@ def little_memory() -> Iterator[None]:
         ("[" * 200_000, "nested"),
         ("{a: " * 200_000, "nested"),
         ("- " * 200_000, "nested"),
-        (LAUGHS, "aliases"),
-        ("&a [*a]", "contains itself"),
+        (LAUGHS, "alias a0"),
+        ("&a [*a]", "alias a"),
         ("!!python/object/apply:os.system [true]", "python/object"),
         ("!!bool 3", "tag"),
         ("a: 1\nb: {c: 1, d: 2, c: 3}", "c stands twice(.|\n)*line 2"),
@@ -88,11 +88,11 @@ def test_there_is_one_reader_of_yaml() -> None:
     assert found == {"plain_yaml.py"}
 
 
-def test_ordinary_yaml_with_anchors_is_read(tmp_path: Path) -> None:
+def test_ordinary_yaml_is_read(tmp_path: Path) -> None:
     nested: object = 1
     for _ in range(DEEPEST):
         nested = [nested]
-    text = "a: [1, 2]\nb: {c: d}\ne: &e [1, 2]\nf: *e\n"
+    text = "a: [1, 2]\nb: {c: d}\ne: &e [1, 2]\n"
     assert read_yaml(text) == yaml.safe_load(text)
     assert read_yaml("[" * DEEPEST + "]" * DEEPEST) is not None
     assert read_yaml("") is None
@@ -115,7 +115,7 @@ def test_a_scenario_or_parameter_file_with_a_bomb_is_refused_in_one_line(tmp_pat
     path = tmp_path / "bomb.yaml"
     path.write_text(LAUGHS)
     for read in (load_yaml, lambda path: load_scenario(str(path))):
-        with little_memory(), pytest.raises(InputError, match="aliases") as found:
+        with little_memory(), pytest.raises(InputError, match="alias a0") as found:
             read(path)
         assert "\n" not in str(found.value)
 
@@ -190,8 +190,8 @@ RING = '<joint name="back" type="fixed"><parent link="l3"/><child link="l0"/></j
     ("text", "what"),
     [
         (row_of_links(5000), "joints in a row"),
-        (row_of_links(3, SECOND), "two joints"),
-        (row_of_links(3, RING), "ring"),
+        (row_of_links(3, SECOND), "one tree"),
+        (row_of_links(3, RING), "one tree"),
         (ENTITIES, "document type"),
         ('<!doctype robot SYSTEM "file:///etc/passwd"><robot/>', "document type"),
         ('<mujoco><include file="/etc/passwd"/></mujoco>', "<mujoco>"),

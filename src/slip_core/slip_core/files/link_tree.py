@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from xml.etree.ElementTree import Element
 
-from slip_core.errors import InputError
 from slip_core.files.urdf import MOVING, base_of, end_of, named, numbers_of, parse_urdf
 
 
@@ -39,9 +38,6 @@ def read_links(urdf: str) -> list[Link]:
     base, by_name = base_of(robot), named(robot, "link")
     joints: dict[str, list[Element]] = {}
     for joint in named(robot, "joint").values():
-        child = end_of(joint, "child")
-        if child not in by_name:
-            raise InputError(f"URDF joint {joint.get('name')}", got=f"child {child}", expected="a link of the URDF")
         joints.setdefault(end_of(joint, "parent"), []).append(joint)
     links = [Link(base, -1, "", "fixed", (1.0, 0.0, 0.0), (0.0,) * 3, (0.0, 0.0, 0.0, 1.0), by_name[base])]
     for number, parent in enumerate(links):  # grows while it is walked

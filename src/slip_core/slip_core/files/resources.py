@@ -61,19 +61,9 @@ def find_file(uri: str) -> Path:
     package, _, inner = uri.removeprefix("package://").partition("/")
     folders = list(_folders(package))
     if not folders:
-        raise _unknown(package)
+        fix = f"--package {package}=DIR"
+        raise InputError(f"package {package}", got="no such package", expected="one that is installed", fix=fix)
     return next((folder / inner for folder in folders if (folder / inner).exists()), folders[0] / inner)
-
-
-def package_folder(package: str) -> Path:
-    """Return the folder of a package: of --package, an ament prefix, ROS_PACKAGE_PATH, or a Python package.
-
-    Raises:
-        InputError: no such package.
-    """
-    for folder in _folders(package):
-        return folder
-    raise _unknown(package)
 
 
 def add_package(text: str) -> None:
@@ -95,22 +85,11 @@ def _folders(package: str) -> Iterator[Path]:
     """Yield the folders that a package may be in, those that were named by --package first."""
     given = (item.partition("=") for item in os.environ.get(PACKAGES, "").split(os.pathsep))
     candidates = [Path(folder) for name, _, folder in given if name == package]
-    candidates += [Path(prefix, "share", package) for prefix in _paths("AMENT_PREFIX_PATH")]
-    candidates += [Path(folder, package) for folder in _paths("ROS_PACKAGE_PATH")]
-    candidates += [Path(folder) for folder in _paths("ROS_PACKAGE_PATH") if Path(folder).name == package]
+    prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+    candidates += [Path(prefix, "share", package) for prefix in prefixes if prefix]
     yield from (candidate for candidate in candidates if candidate.is_dir())
     try:
         spec = importlib.util.find_spec(package) if package.isidentifier() else None
     except (ImportError, ValueError):
         spec = None
     yield from (Path(folder) for folder in (spec.submodule_search_locations if spec else None) or ())
-
-
-def _paths(variable: str) -> list[str]:
-    return [entry for entry in os.environ.get(variable, "").split(os.pathsep) if entry]
-
-
-def _unknown(package: str) -> InputError:
-    return InputError(
-        f"package {package}", got="no such package", expected="one that is installed", fix=f"--package {package}=DIR"
-    )

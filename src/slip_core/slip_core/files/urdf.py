@@ -60,7 +60,7 @@ def parse_urdf(text: str) -> Element:
     if any("xacro" in element.tag or "${" in "".join(element.attrib.values()) for element in root.iter()):
         fix = "name the file arm.xacro, and it is expanded"
         raise InputError("robot_description", got="xacro", expected="a URDF", fix=fix)
-    _check_tree(root)
+    base_of(root)
     for part in (*root.findall("link"), *root.findall("joint")):
         _check_numbers(part)
     return root
@@ -84,39 +84,26 @@ def _check_numbers(part: Element) -> None:
                         )
 
 
-def _check_tree(root: Element) -> None:
-    """Check that the joints form a tree that is not too deep.
-
-    Raises:
-        InputError: deeper, or links that are no tree.
-    """
-    below: dict[str, list[str]] = {}
-    children: set[str] = set()
-    for joint in root.findall("joint"):
-        child = end_of(joint, "child")
-        if child in children:
-            raise InputError(f"URDF link {child}", got="two joints that carry it", expected="one")
-        children.add(child)
-        below.setdefault(end_of(joint, "parent"), []).append(child)
-    tips, reached, depth = [name for name in below if name not in children], 0, 0
-    while tips := [child for name in tips for child in below.get(name, [])]:
-        reached, depth = reached + len(tips), depth + 1
-        if depth > DEEPEST:
-            raise InputError("robot_description", got=f"more than {DEEPEST} joints in a row", expected="an arm")
-    if reached < len(children):
-        raise InputError("robot_description", got="links in a ring", expected="a tree")
-
-
 def base_of(root: Element) -> str:
-    """Return the one link that is no other's child.
+    """Return the one link that no joint carries, from which joints lead to each other link.
 
     Raises:
-        InputError: none, or several.
+        InputError: links that are no such tree, or one that is too deep.
     """
-    children = {end_of(joint, "child") for joint in root.findall("joint")}
-    bases = [name for name in named(root, "link") if name not in children]
-    if len(bases) != 1:
-        raise InputError("robot_description", got=f"{len(bases)} links without a parent", expected="one tree of links")
+    links, below = named(root, "link"), dict[str, list[str]]()
+    for joint in named(root, "joint").values():
+        below.setdefault(end_of(joint, "parent"), []).append(end_of(joint, "child"))
+    carried = {child for group in below.values() for child in group}
+    bases = level = [name for name in links if name not in carried]
+    reached, depth = list(bases), 0
+    while level and depth <= DEEPEST and len(reached) <= len(links):
+        level, depth = [child for name in level for child in below.get(name, ())], depth + 1
+        reached += level
+    if depth > DEEPEST:
+        raise InputError("robot_description", got=f"more than {DEEPEST} joints in a row", expected="an arm")
+    if len(bases) != 1 or sorted(reached) != sorted(links):
+        expected = "one tree: a base, and one joint that carries each other link"
+        raise InputError("robot_description", got=f"{len(links)} links that are none", expected=expected)
     return bases[0]
 
 
@@ -223,9 +210,8 @@ def _roll_pitch_yaw(x: float, y: float, z: float) -> tuple[float, float, float]:
 def usable_urdf(text: str, ee_frame: str, joint_names: Sequence[str]) -> str:
     """Return the URDF with `joint_names` as its only moving joints.
 
-    Other joints are locked at 0 and continuous joints get limits that are never met. Left out are shapes from mesh
-    files, shapes of moving links without mass, to which MuJoCo would give one, and impossible inertias of links that do
-    not move.
+    Other joints are locked at 0 and continuous joints get limits that are never met. Left out are all shapes, by which
+    MuJoCo would give a mass to a link without one, and impossible inertias of links that do not move.
 
     Args:
         text: a URDF.
@@ -257,8 +243,6 @@ def usable_urdf(text: str, ee_frame: str, joint_names: Sequence[str]) -> str:
     moved = {one for group in carried.values() for one in group}
     for name, link in links.items():
         unused, found = [*link.findall("visual"), *link.findall("collision")], inertial(link)
-        if not (name in moved and found is None):
-            unused = [part for part in unused if part.find("geometry/mesh") is not None]
         if name not in moved and found is not None and not (found[0] >= 0.0 and is_physical(found[1])):
             unused += link.findall("inertial")
         for part in unused:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from slip_core.errors import InputError
-from slip_core.files.resources import find_file, open_file, package_folder, read_text
+from slip_core.files.resources import find_file, open_file, read_text
 
 SUFFIX: Final = ".xacro"
 
@@ -19,7 +19,7 @@ SUFFIX: Final = ".xacro"
 def read_urdf(uri: str, what: str) -> str:
     """Return the URDF text behind ``package://<package>/<path>`` or a plain path, expanded where it is ``*.xacro``.
 
-    Arguments of a xacro file have their defaults; ``$(find NAME)`` is `package_folder`.
+    Arguments of a xacro file have their defaults; ``$(find NAME)`` is as in `find_file`.
 
     Args:
         uri: of the file.
@@ -50,10 +50,10 @@ def _expanded(path: Path, what: str) -> str:
 
 @contextlib.contextmanager
 def _finding(module: object) -> Iterator[None]:
-    """Let ``$(find NAME)`` go to `package_folder`: xacro itself asks ament alone, which a wheel need not have."""
+    """Let ``$(find NAME)`` go to `find_file`: xacro itself asks ament alone, which a wheel need not have."""
 
     def find(name: str) -> str:
-        return str(package_folder(name))
+        return str(find_file(f"package://{name}"))
 
     expressions = module._eval_dict  # type: ignore[attr-defined]
     own = module._eval_find, expressions["find"]  # type: ignore[attr-defined]

@@ -37,7 +37,6 @@ def arm_spec(params: BridgeParams, urdf_text: str) -> mujoco.MjSpec:
     except ValueError as error:
         raise InputError("robot_description", got=str(error), expected="a URDF") from None
     spec.compiler.fusestatic = False
-    spec.compiler.discardvisual = False
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
     spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
