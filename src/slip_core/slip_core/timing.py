@@ -1,8 +1,4 @@
-"""Timing as data: the spread of the last values of a measured time, and the levels at which it is worth a warning.
-
-The levels are those of ros2_control's controller manager (its documented defaults): errors of
-the mean rate and deviation of the rate in Hz, mean and deviation of the execution time in seconds.
-"""
+"""Timing as data: the spread of the last values of a measured time."""
 
 from __future__ import annotations
 
@@ -13,13 +9,7 @@ import numpy as np
 from slip_core.arrays import Array
 
 OK, WARN, ERROR = 0, 1, 2
-_LEVEL_TEXT = ("within limits", "beyond the warning level", "beyond the error level")
-
-
-RATE_ERROR_HZ, RATE_DEVIATION_HZ = (5.0, 10.0), (5.0, 10.0)
-"""Error of the mean rate of the cycle and its standard deviation: warning and error above [Hz]."""
-COMPUTE_S, COMPUTE_DEVIATION_S = (1e-3, 2e-3), (1e-4, 2e-4)
-"""Mean compute time of a cycle and its standard deviation: warning and error above [s]."""
+"""Levels of /diagnostics."""
 
 
 class Window:
@@ -51,28 +41,3 @@ def spread(values: Array) -> dict[str, float]:
         "p999": p999,
         "max": float(values.max()),
     }
-
-
-def rate_level(periods_s: Array, nominal_s: float) -> tuple[int, str]:
-    """Return level and text for the rate of a cycle, from its last periods; (k,) [s]."""
-    positive = periods_s[periods_s > 0.0]
-    if len(positive) < 2:
-        return OK, "rate: too few cycles"
-    rates = 1.0 / positive
-    error, deviation = abs(float(rates.mean()) - 1.0 / nominal_s), float(rates.std())
-    level = max(level_of(error, *RATE_ERROR_HZ), level_of(deviation, *RATE_DEVIATION_HZ))
-    return level, f"rate {_LEVEL_TEXT[level]}: mean off by {error:.1f} Hz, deviation {deviation:.1f} Hz"
-
-
-def compute_level(times_s: Array) -> tuple[int, str]:
-    """Return level and text for the compute time of a cycle, from its last values; (k,) [s]."""
-    if not len(times_s):
-        return OK, "compute time: too few cycles"
-    mean, deviation = float(times_s.mean()), float(times_s.std())
-    level = max(level_of(mean, *COMPUTE_S), level_of(deviation, *COMPUTE_DEVIATION_S))
-    return level, f"compute time {_LEVEL_TEXT[level]}: mean {mean * 1e6:.0f} us, deviation {deviation * 1e6:.0f} us"
-
-
-def level_of(value: float, warn: float, error: float) -> int:
-    """Return the level of a value that is better small."""
-    return ERROR if value > error else WARN if value > warn else OK

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_core.timing import ERROR, OK, WARN, Window, compute_level, rate_level
+from slip_core.timing import OK, WARN, Window
 from slip_sim_bridge import pacing
 from slip_sim_bridge.pacing import Pacer
 from slip_vic_controller.node import timing
@@ -98,19 +97,19 @@ def test_missed_and_overrun_counts() -> None:
     assert named(timing.SCALARS, numbers)["overruns"] == 5
 
 
-def test_status_reports_worst_level() -> None:
+def test_status_warns_of_late_cycles() -> None:
     cycles = CycleTiming(T)
     for k in range(100):
         began_ns = k * 1_000_000
         cycles.add(began_ns, began_ns + 1_500_000, began_ns, ledger(k, began_ns, 1, 1))
     level, text, values = cycles.status()
-    assert level == WARN  # 1.5 ms of compute time: above the warning, below the error level
-    assert text == "compute time beyond the warning level: mean 1500 us, deviation 0 us"
+    assert (level, text) == (WARN, "100 cycles overran or were missed since the last status")
     assert values["overruns"] == 100
     assert values["period_p99_us"] == 1000.0
+    assert cycles.status()[0] == OK
 
 
-# -- windows and levels -------------------------------------------------------------------------------
+# -- windows -------------------------------------------------------------------------------
 
 
 @given(st.lists(st.floats(-1e6, 1e6) | st.just(math.nan), max_size=30), st.integers(1, 8))
@@ -120,34 +119,3 @@ def test_window_keeps_last_values(values: list[float], size: int) -> None:
         window.add(value)
     expected = [value for value in values[-size:] if not math.isnan(value)]
     assert sorted(window.values().tolist()) == sorted(expected)
-
-
-@pytest.mark.parametrize(
-    ("periods", "level"),
-    [
-        ([T] * 10, OK),
-        ([1 / 1007.0] * 10, WARN),
-        ([1 / 1011.0] * 10, ERROR),
-        ([1 / 1007.0, 1 / 993.0] * 5, WARN),
-        ([1 / 1015.0, 1 / 985.0] * 5, ERROR),
-        ([T], OK),
-        ([0.0, 0.0, 0.0], OK),
-    ],
-)
-def test_rate_levels_match_ros2_control(periods: list[float], level: int) -> None:
-    assert rate_level(np.array(periods), T)[0] == level
-
-
-@pytest.mark.parametrize(
-    ("times", "level"),
-    [
-        ([0.9e-3] * 4, OK),
-        ([1.1e-3] * 4, WARN),
-        ([2.1e-3] * 4, ERROR),
-        ([0.35e-3, 0.65e-3], WARN),
-        ([0.2e-3, 0.8e-3], ERROR),
-        ([], OK),
-    ],
-)
-def test_compute_levels_match_ros2_control(times: list[float], level: int) -> None:
-    assert compute_level(np.array(times))[0] == level

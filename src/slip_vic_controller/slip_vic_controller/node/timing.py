@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from slip_core.stamps import NS_PER_S
-from slip_core.timing import ERROR, OK, Window, compute_level, rate_level, spread
+from slip_core.timing import OK, WARN, Window, spread
 
 SCALARS = (
     "period_s",
@@ -34,13 +34,12 @@ class CycleTiming:
     """
 
     def __init__(self, period_s: float) -> None:
-        self._period_s = period_s
         self._period_ns = round(period_s * NS_PER_S)
         size = max(2, round(_WINDOW_S / period_s))
         self._periods, self._computes, self._latencies = Window(size), Window(size), Window(size)
         self._began_ns: int | None = None
         self._last_stamp_ns: int | None = None
-        self.overruns = self.missed = self.stale_wrench = self.stale_slip = 0
+        self.overruns = self.missed = self.stale_wrench = self.stale_slip = self._told = 0
 
     def add(self, began_ns: int, ended_ns: int, wall_ns: int, ledger: Sequence[int]) -> tuple[float, ...]:
         """Take one answered cycle and return its numbers in the order of `SCALARS`.
@@ -80,18 +79,16 @@ class CycleTiming:
         )
 
     def status(self) -> tuple[int, str, dict[str, object]]:
-        """Return level, text and values of the last second for /diagnostics."""
-        periods, computes = self._periods.values(), self._computes.values()
-        levels = (rate_level(periods, self._period_s), compute_level(computes))
-        level = max(level for level, _ in levels)
-        worst = [text for found, text in levels if found == level and level != OK]
+        """Return level, text and values of the last second for /diagnostics; overruns and misses are a warning."""
+        late = self.overruns + self.missed - self._told
+        self._told += late
         values: dict[str, object] = {}
-        for name, numbers in (("period", periods), ("compute", computes), ("latency", self._latencies.values())):
-            for key, value in spread(numbers).items():
+        for name, window in (("period", self._periods), ("compute", self._computes), ("latency", self._latencies)):
+            for key, value in spread(window.values()).items():
                 values[f"{name}_{key}_us"] = round(value * 1e6, 1)
         for name in ("overruns", "missed", "stale_wrench", "stale_slip"):
             values[name] = getattr(self, name)
-        return min(level, ERROR), "; ".join(worst) or "rate and compute time within limits", values
+        return WARN if late else OK, f"{late} cycles overran or were missed since the last status", values
 
 
 def _age_ns(stamp_ns: int, samples: Sequence[int]) -> float:
