@@ -35,17 +35,16 @@ class GripParams(GripperModel):
     force_rate: float = parameter(
         1e6, "largest change of the simulated grip force with time, whatever is commanded", unit="N/s", gt=0.0
     )
-    pad_size: tuple[float, ...] = parameter(
+    pad_size: tuple[float, float] = parameter(
         (0.2, 0.2),
-        "size of the pad along its x and y, 2 numbers for all contacts or per contact: an object whose gripped point "
-        "has slid over the edge is lost, and falls",
+        "size of the pad along its x and y: an object whose gripped point has slid over the edge is lost, and falls",
         unit="m",
     )
 
     @model_validator(mode="after")
-    def _pairs(self) -> Self:
-        if not self.pad_size or len(self.pad_size) % 2 or min(self.pad_size) <= 0.0:
-            raise ValueError(f"pad_size {list(self.pad_size)}: 2 positive numbers for all contacts or per contact")
+    def _has_area(self) -> Self:
+        if min(self.pad_size) <= 0.0:
+            raise ValueError(f"pad_size {list(self.pad_size)}: 2 positive numbers")
         return self
 
 

@@ -232,11 +232,9 @@ class Simulation:
             if command is not None and command.shape != arm.limits.shape:
                 kind = arm.params.drive.interface
                 raise InputError(kind, got=f"{command.size} numbers", expected=f"{arm.limits.size}, one per joint")
-            drives = arm.drives
-            effort = arm.obey(command) if drives.is_prompt else self._drive(index, arm, command)
+            effort = self._drive(index, arm, command)
             arm.coming = effort = self._hold(index, arm) if effort is None else effort
-            if not drives.is_exact:
-                effort = drives.at_joints(effort, self._posture(index))
+            effort = arm.drives.at_joints(effort, self._posture(index))
             joints.append(effort if arm.pushed is None else effort + arm.pushed)
             force = arm.gripper.step()
             if arm.has_lost or self._let_go(index, arm):

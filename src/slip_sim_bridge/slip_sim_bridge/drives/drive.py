@@ -40,11 +40,8 @@ class Drives:
             np.array(params.of_joints(name, n)) for name in ("coulomb", "viscous", "offset")
         )
         self.takes_efforts, self.takes_positions = params.interface == "effort", params.interface == "position"
-        self.is_prompt = self.takes_efforts and params.delay_s == 0.0 and params.lag_s == 0.0
-        """Whether a command is the effort of its own period."""
         self._params, self._delay = params, round(params.delay_s / period_s)
         self._share = 1.0 - math.exp(-period_s / params.lag_s) if params.lag_s > 0.0 else 1.0
-        self.is_exact = params.gain == 1.0 and params.ripple == 0.0 and not self._offset.any()
         self.act_on_joints = bool(coulomb.any() or viscous.any() or not self.takes_efforts)
         """Whether anything but the effort acts on the joints."""
         self.rows = np.zeros((n, JOINT_DRIVE_SIZE))

@@ -15,11 +15,11 @@ import numpy as np
 
 from slip_core.arrays import Array, matrix_from_quat_xyzw
 from slip_core.errors import InputError
-from slip_core.records import Records, record, records
+from slip_core.records import Records, new, record, records
 from slip_sim_bridge.friction import friction_law
 from slip_sim_bridge.friction.limit_surface import ROOT_MARGIN
 from slip_sim_bridge.params import BridgeParams
-from slip_sim_bridge.plant import DivergenceError, read_out
+from slip_sim_bridge.plant import DivergenceError
 from slip_sim_bridge.plant.elastic_step import (
     ELASTIC_CONTACT,
     FRAME,
@@ -30,13 +30,14 @@ from slip_sim_bridge.plant.elastic_step import (
     read_elastic,
 )
 from slip_sim_bridge.plant.joint_step import AGREEMENT, DRIVE_PASSES, TORQUE, joint_step
-from slip_sim_bridge.plant.model import PAD, check_divergence, effort_limits, free_object_model, name_of, tree_of
+from slip_sim_bridge.plant.loose import LoosePlant
+from slip_sim_bridge.plant.model import check_divergence, effort_limits, name_of
 
 LONGEST_STEP = 0.3
 """Largest step as a share of 1 / omega of the stiffest motion of object and pads; the spring is stable below 2."""
 
 
-class ElasticPlant:
+class ElasticPlant(LoosePlant):
     """All arms, all grasps and the object; see `Plant` for the meaning of the methods.
 
     Raises:
@@ -45,14 +46,12 @@ class ElasticPlant:
     """
 
     def __init__(self, arms: Mapping[str, BridgeParams], urdfs: Mapping[str, str]) -> None:
+        super().__init__(arms, urdfs)
         self._params = each = tuple(arms.values())
-        self.model = model = free_object_model(arms, urdfs)
-        self.data = data = mujoco.MjData(model)
-        names = [[name_of(name, joint) for joint in arm.joint_names] for name, arm in arms.items()]
-        ends = np.cumsum([len(joints) for joints in names]).tolist()
-        self._joints = [slice(begin, end) for begin, end in zip([0, *ends], ends, strict=False)]
-        self._arms = ends[-1]
-        self.effort_limits = tuple(effort_limits(model, joints) for joints in names)
+        model, data = self.model, self.data
+        self.effort_limits = tuple(
+            effort_limits(model, [name_of(name, joint) for joint in arm.joint_names]) for name, arm in arms.items()
+        )
         self._initial = np.concatenate([arm.initial_position for arm in each])
 
         law, _ = friction_law(each[0].friction)
@@ -83,14 +82,10 @@ class ElasticPlant:
                     expected=f"at least {least:.3g} N s/m along x and y and {least * contact.radius**2:.3g} N m s/rad "
                     "about z: friction that falls faster with speed makes slip jump",
                 )
-        self._sites = [model.site(name_of(name, PAD)).id for name in arms]
-        self._tree = tree_of(model)
-        self._sizes = [read_out(len(joints)).itemsize // 8 for joints in names]
         self._levers: list[Array] = []
         self._qpos: Array = data.qpos
         self._qvel: Array = data.qvel
-        self._object_pose: Array = data.qpos[self._arms :]
-        self._mass_matrix = np.zeros((nv, nv))
+        self._object_pose: Array = data.qpos[self._n :]
         self._effort = np.zeros(nv)
         self._pushes: Array | None = None
         self._period = each[0].control_period_s
@@ -104,7 +99,7 @@ class ElasticPlant:
         """Put all arms back to their initial postures, at rest, the object hanging in all grasps."""
         model, data = self.model, self.data
         mujoco.mj_resetData(model, data)
-        self._qpos[: self._arms] = self._initial
+        self._qpos[: self._n] = self._initial
         mujoco.mj_kinematics(model, data)
         contacts, first = self._contacts, self._params[0]
         for contact in contacts:
@@ -141,7 +136,7 @@ class ElasticPlant:
             )
             seen = _as_seen_at(R, self._frame[i].position - body.position)
             seen[:, 3:] = seen[:, 3:] @ body.rotation
-            self._rows[at : at + 6, self._arms :] = seen
+            self._rows[at : at + 6, self._n :] = seen
 
     def advance(self, efforts: Array, normal_forces: Array, drives: Array | None = None) -> None:
         """Advance one control period; (sum of n,) [N m], (N,) [N].
@@ -150,7 +145,7 @@ class ElasticPlant:
             DivergenceError: where the state stopped being physical.
         """
         model, data, dt = self.model, self.data, self.model.opt.timestep
-        self._effort[: self._arms] = efforts
+        self._effort[: self._n] = efforts
         for contact in self._contacts:
             contact.deflection_before[:] = contact.deflection
         for _ in range(self._substeps):
@@ -178,7 +173,7 @@ class ElasticPlant:
 
     def _agree_with_drives(self, efforts: Array, normal_forces: Array, drives: Array) -> None:
         """Repeat the forces of the pads and the torques of the drives in turn until both fit."""
-        data, dt, n, before = self.data, self.model.opt.timestep, self._arms, self._state.copy()
+        data, dt, n, before = self.data, self.model.opt.timestep, self._n, self._state.copy()
         torque = np.zeros(n)
         for _ in range(DRIVE_PASSES):
             self._state[:] = before  # bristles advance once
@@ -197,7 +192,7 @@ class ElasticPlant:
     def push(self, wrenches: Array) -> None:
         """Let hands push the object where each arm grips it from now on; (N, 6) [N, N m] {w}."""
         self._pushes = wrenches.copy() if wrenches.any() else None
-        self._effort[self._arms :] = 0.0
+        self._effort[self._n :] = 0.0
 
     def gripped_at(self, arm: int) -> tuple[float, float]:
         """Return where the point of the object that was gripped is on the pad, along x and y of {ee} [m]."""
@@ -205,20 +200,15 @@ class ElasticPlant:
         c, s = math.cos(angle), math.sin(angle)
         return -c * x - s * y, s * x - c * y
 
-    def holding_effort(self, arm: int, target: Array, stiffness: float, damping: float) -> Array:
-        """Return gravity, Coriolis and load compensation plus M (stiffness (target - q) - damping qd); (n,) [N m]."""
-        at, data = self._joints[arm], self.data
-        mujoco.mj_fullM(self.model, data, self._mass_matrix)
-        pull = stiffness * (target - self._qpos[at]) - damping * self._qvel[at]
-        load = self._rows[6 * arm : 6 * arm + 6, at].T @ self._contacts[arm].force
-        return np.array(data.qfrc_bias[at] - load + self._mass_matrix[at, at] @ pull)
+    def _load(self, arm: int) -> Array:
+        return np.array(self._rows[6 * arm : 6 * arm + 6, self._joints[arm]].T @ self._contacts[arm].force)
 
     def read(self, arm: int) -> Array:
         """Return everything that can be read of one arm, laid out by `read_out`; (2 n + 54,)."""
         self._look()
-        out, at = np.empty(self._sizes[arm]), self._joints[arm]
+        out, at = new(self._layouts[arm]), self._joints[arm]
         read_elastic(
-            self._state, arm, self._qpos[at], self._qvel[at], self._qvel[self._arms :], self._frames, self._period, out
+            self._state, arm, self._qpos[at], self._qvel[at], self._qvel[self._n :], self._frames, self._period, out
         )
         return out
 
@@ -238,8 +228,7 @@ class ElasticPlant:
             frames[i, :3], frames[i, 3:] = data.site_xpos[site], data.site_xmat[site]
             moving, turning = self._jacobians[6 * i : 6 * i + 3], self._jacobians[6 * i + 3 : 6 * i + 6]
             mujoco.mj_jacSite(self.model, data, moving, turning, site)
-        body = self.model.nbody - 1
-        frames[-1, :3], frames[-1, 3:] = data.xipos[body], data.xmat[body]
+        frames[-1, :3], frames[-1, 3:] = data.xipos[self._body], data.xmat[self._body]
 
     def _lean(self, pushes: Array) -> None:
         """Put what pushes the object on its free joint: force {w}, torque on its own axes."""
@@ -247,8 +236,8 @@ class ElasticPlant:
         for push, lever in zip(pushes, self._levers, strict=True):
             force += push[:3]
             torque += push[3:] + np.cross(R_o @ lever, push[:3])
-        self._effort[self._arms : self._arms + 3] = force
-        self._effort[self._arms + 3 :] = R_o.T @ torque
+        self._effort[self._n : self._n + 3] = force
+        self._effort[self._n + 3 :] = R_o.T @ torque
 
     def _stiffest_motion(self) -> float:
         """Return the largest natural frequency of arms and object on the springs of the pads, at the start [rad/s]."""

@@ -30,6 +30,7 @@ class LoosePlant:
         ends = np.cumsum([len(arm.joint_names) for arm in arms.values()]).tolist()
         self._joints = [slice(begin, end) for begin, end in zip([0, *ends], ends, strict=False)]
         self._n, self._body = ends[-1], self.model.body(OBJECT).id
+        self._mass_matrix = np.zeros((self.model.nv, self.model.nv))
         self._sites = [self.model.site(name_of(name, PAD)).id for name in arms]
         self._layouts = [read_out(len(arm.joint_names)) for arm in arms.values()]
         self._slip_displacements = [np.zeros(6) for _ in arms]
@@ -63,12 +64,16 @@ class LoosePlant:
         check_divergence(self.data)
 
     def holding_effort(self, arm: int, target: Array, stiffness: float, damping: float) -> Array:
-        """Return bias + M (stiffness (target - q) - damping qd) of an empty arm; (n,) -> (n,) [N m]."""
+        """Return gravity, Coriolis and load compensation plus M (stiffness (target - q) - damping qd); (n,) [N m]."""
         joints, data = self._joints[arm], self.data
-        full = np.zeros((self.model.nv, self.model.nv))
-        mujoco.mj_fullM(self.model, data, full)
+        mujoco.mj_fullM(self.model, data, self._mass_matrix)
         pull = stiffness * (target - data.qpos[joints]) - damping * data.qvel[joints]
-        return np.array(data.qfrc_bias[joints] + full[joints, joints] @ pull)
+        return np.array(data.qfrc_bias[joints] - self._load(arm) + self._mass_matrix[joints, joints] @ pull)
+
+    def _load(self, arm: int) -> Array:
+        """Return the joint efforts with which the object loads an arm; (n,) [N m]."""
+        joints = self._joints[arm]
+        return np.zeros(joints.stop - joints.start)
 
     def read(self, arm: int) -> Array:
         """Return everything that can be read of one arm, laid out by `read_out`."""

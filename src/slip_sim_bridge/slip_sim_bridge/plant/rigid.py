@@ -99,8 +99,6 @@ class RigidPlant:
         self._fixed_substeps = params.substeps
 
         n = self._n = len(params.joint_names)
-        if model.joint(SLIP_JOINTS[0]).dofadr[0] != n:  # the object is added last, so its joints follow the arm's
-            raise InputError("robot_description", got="movable joints after the frame ee", expected="ee at the tip")
         body, pad, sensors = model.body(OBJECT).id, model.body(PAD).id, sensor_address(model)
 
         # Views into MuJoCo's memory: valid as long as `data` lives, always the current numbers.

@@ -48,7 +48,6 @@ class SlipMeasurement:
         self._faults = faults
         lossy = faults.silent or faults.invalid or faults.frozen or faults.dropout_probability > 0.0
         self._keeps_all = not lossy and faults.outlier_probability == 0.0
-        self._true_to_scale = faults.gain == 1.0 and not any(faults.bias)
 
     def __call__(self, truth: SlipSample, rng: Generator) -> SlipSample | None:
         """Return the measured sample, or None where it is lost; noise is drawn from `rng`."""
@@ -72,8 +71,6 @@ class SlipMeasurement:
 
     def _read(self, truth: Array, noise: Array | None) -> Array:
         faults, twist = self._faults, truth
-        if self._true_to_scale:
-            return self._digitise(twist if noise is None else twist + self._deviation * noise)
         if faults.gain != 1.0:
             twist = faults.gain * twist
         if noise is not None:

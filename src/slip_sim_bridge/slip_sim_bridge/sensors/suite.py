@@ -47,7 +47,6 @@ class Sensor(Generic[Sample]):
         self._rate_hz = rate_hz
         self._latency_ns = round(latency_s * _NS_PER_S)
         self._rng = rng
-        self._prompt = rate_hz == 0.0 and latency_s == 0.0
         self._pending: deque[Sample] = deque()
         self._first_ns: int | None = None
         self._measured = 0
@@ -57,9 +56,6 @@ class Sensor(Generic[Sample]):
 
         Measurement k at the first tick not before k / rate; published latency later.
         """
-        if self._prompt:
-            measured = self._measure(truth, self._rng)
-            return [] if measured is None else [measured]
         if self._due(truth.stamp_ns):
             sample = self._measure(truth, self._rng)
             if sample is not None:
