@@ -39,8 +39,7 @@ class Sender:
         self.publisher = publisher
         self._publish = publisher.handle.publish_raw  # rclpy's own `publish` adds twice the time of this
         self._form = form
-        self._usual = self._codec(form.sizes).encode
-        self._others: dict[tuple[int, ...], CdrCodec] = {}
+        self._codecs = {form.sizes: self._codec(form.sizes)}
 
     def _codec(self, sizes: tuple[int, ...]) -> CdrCodec:
         template = self._form.message(0, *([0] * size for size in sizes))
@@ -48,13 +47,10 @@ class Sender:
 
     def encode(self, stamp_ns: int, *numbers: Sequence[float] | NDArray[Any]) -> bytes:
         """Return the message's bytes; one array of numbers per field of the form."""
-        try:
-            return self._usual(stamp_ns, *numbers)
-        except ValueError:  # other sizes than usual, e.g. no effort
-            sizes = tuple(map(len, numbers))
-        if sizes not in self._others:
-            self._others[sizes] = self._codec(sizes)
-        return self._others[sizes].encode(stamp_ns, *numbers)
+        sizes = tuple(map(len, numbers))
+        if sizes not in self._codecs:  # other sizes than usual, e.g. no effort
+            self._codecs[sizes] = self._codec(sizes)
+        return self._codecs[sizes].encode(stamp_ns, *numbers)
 
     def send(self, stamp_ns: int, *numbers: Sequence[float] | NDArray[Any]) -> None:
         """Publish; one array of numbers per field of the form."""

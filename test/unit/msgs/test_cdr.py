@@ -187,11 +187,9 @@ def test_arrays_read_are_read_only_and_do_not_change_with_the_next_message() -> 
         read[1][0][0] = 1.0
 
 
-@pytest.mark.parametrize(
-    ("sizes", "wrong"), [((6, 7, 7), "position: got 6"), ((7, 7, 0), "effort: got 0"), ((7, 1, 7), "velocity: got 1")]
-)
-def test_arrays_of_another_size_are_refused(sizes: tuple[int, ...], wrong: str) -> None:
-    with pytest.raises(ValueError, match=f"^{wrong} numbers for a field of 7"):
+@pytest.mark.parametrize("sizes", [(6, 7, 7), (7, 7, 0), (7, 1, 7)])
+def test_arrays_of_another_size_are_refused(sizes: tuple[int, ...]) -> None:
+    with pytest.raises(ValueError, match="for a field of 7"):
         KINDS["JointState"].codec().encode(0, *(np.zeros(n) for n in sizes))
 
 

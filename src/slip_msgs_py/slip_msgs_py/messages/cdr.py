@@ -2,7 +2,7 @@
 
 A typed template is laid out once. After that a message is written by putting numbers into a copy
 of the template's bytes, and read only where every other byte (lengths, names, frame ids) equals the template's.
-Typed messages cost 10 us to build, 12 us to serialise and 27 us to read; this needs 1.5 and 2.3 us.
+Typed messages cost 10 us to build, 12 us to serialise and 27 us to read; this needs 4 and 2.3 us.
 Nothing here knows a message type by name; a codec proves itself against rclpy's own typed code when it is made.
 """
 
@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 import struct
 from array import array
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from operator import attrgetter
 from typing import Any, Final
 
@@ -25,7 +25,7 @@ from slip_msgs_py.messages.layout import HEADER_BYTES, Layout, Leaf, layout_of
 _KINDS: Final = {"double": "d", "int64": "q"}
 _DTYPES: Final = {"d": np.dtype("<f8"), "q": np.dtype("<i8")}
 _STAMP: Final = struct.Struct("<iI")
-_frombuffer = np.frombuffer
+_frombuffer, asarray = np.frombuffer, np.asarray
 Numbers = NDArray[Any]  # float64 or int64
 
 
@@ -67,15 +67,9 @@ class CdrCodec:
         ValueError: a path that is not there, or a layout that rclpy's typed code does not agree with.
     """
 
-    encode: Callable[..., bytes]
-    """(stamp_ns, *numbers) -> the message with this stamp [ns] and these numbers, one array per field.
-
-    Raises:
-        ValueError: where an array has another size than the template's.
-    """
-
     def __init__(self, template: object, fields: Sequence[str], stamp: str = "header.stamp") -> None:
         data, layout = laid_out(template)
+        self._template = data
         self.size = len(data)
         self._blocks = [block_under(layout, path) for path in fields]
         self._stamp_at = _stamp_offset(layout, stamp) if stamp else None
@@ -94,47 +88,19 @@ class CdrCodec:
             (_DTYPES[block.kind], block.count, block.offset - HEADER_BYTES if block.count else 0)
             for block in self._blocks
         ]
-        self.encode = self._encoder()
         self._prove(template, padding)
 
-    def _encoder(self) -> Callable[..., bytes]:
-        """Return a function made for this layout: one `struct` call that knows the place of every argument."""
-        form, arguments, checks = "<", [], []
-        fixed = iter(self._fixed)
-        constants: list[bytes] = []
-
-        def constant() -> None:
-            nonlocal form
-            _, _, piece = next(fixed)
-            form += f"{len(piece)}s"
-            arguments.append(f"c[{len(constants)}]")
-            constants.append(piece)
-
-        constant()
+    def encode(self, stamp_ns: int, *numbers: Sequence[float] | Numbers) -> bytes:
+        """Return the message with this stamp [ns] and these numbers, one array of the template's size per field."""
+        data = bytearray(self._template)
         if self._stamp_at is not None:
-            form += _STAMP.format.lstrip("<")
-            arguments.append("*divmod(stamp_ns, NS_PER_S)")
-            constant()
-        for i, block in enumerate(self._blocks):
-            checks.append(f"len(a{i}) == {block.count}")
-            if block.count:
-                form += f"{block.count}{block.kind}"
-                arguments.append(f"*(a{i}.tolist() if type(a{i}) is ndarray else a{i})")
-                constant()
-        names = "".join(f", a{i}" for i in range(len(self._blocks)))
-        source = (
-            f"lambda stamp_ns{names}: pack({', '.join(arguments)}) if {' and '.join(checks) or True} "
-            f"else refuse(({names.lstrip(', ')}{',' if names else ''}))"
-        )
-        scope = {"pack": struct.Struct(form).pack, "c": constants, "NS_PER_S": NS_PER_S, "ndarray": np.ndarray}
-        made: Callable[..., bytes] = eval(source, {**scope, "refuse": self._refuse})
-        return made
-
-    def _refuse(self, numbers: Sequence[Any]) -> bytes:
-        for values, block in zip(numbers, self._blocks, strict=True):
-            if len(values) != block.count:
-                raise ValueError(f"{block.path}: got {len(values)} numbers for a field of {block.count}")
-        raise ValueError("got other numbers of values than fields")
+            _STAMP.pack_into(data, self._stamp_at, *divmod(stamp_ns, NS_PER_S))
+        for (dtype, count, start), values in zip(self._starts, numbers, strict=True):
+            at, raw = start + HEADER_BYTES, asarray(values, dtype).tobytes()
+            if len(raw) != 8 * count:
+                raise ValueError(f"got {len(raw) // 8} numbers for a field of {count}")
+            data[at : at + len(raw)] = raw
+        return bytes(data)
 
     def decode(self, data: bytes) -> tuple[int, list[Numbers]] | None:
         """Return stamp [ns] and arrays (read-only views of the bytes), or None where the message has another form.
