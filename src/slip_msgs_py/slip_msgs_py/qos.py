@@ -14,7 +14,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
 from slip_core.errors import InputError
-from slip_core.topics import Topic, topic
+from slip_core.topics import topic
 from slip_msgs_py.node_shell import NodePart
 
 NodeLike: TypeAlias = Node | NodePart
@@ -44,20 +44,6 @@ def profile(depth: int, *, reliable: bool, latched: bool) -> QoSProfile:
     )
 
 
-def publisher_qos(row: Topic) -> QoSProfile:
-    """Return the profile a publisher of this topic offers."""
-    return profile(1 if row.latched else row.depth, reliable=True, latched=row.latched)
-
-
-def subscription_qos(row: Topic, *, depth: int, reliable: bool) -> QoSProfile:
-    """Return the profile a subscriber of this topic requests.
-
-    `reliable` False accepts any publisher, also a real driver's best-effort sensor data; True never
-    loses a message, which lockstep needs.
-    """
-    return profile(1 if row.latched else depth, reliable=reliable or row.latched, latched=row.latched)
-
-
 def create_publisher(node: NodeLike, name: str, *, actual_name: str | None = None, events: bool = True) -> Publisher:
     """Create the publisher of a topic of the table, under another name where one contact of many needs it.
 
@@ -66,9 +52,8 @@ def create_publisher(node: NodeLike, name: str, *, actual_name: str | None = Non
     """
     row = topic(name)
     callbacks = PublisherEventCallbacks(use_default_callbacks=events)
-    return node.create_publisher(
-        message_class(row.type), actual_name or name, publisher_qos(row), event_callbacks=callbacks
-    )
+    qos = profile(1 if row.latched else row.depth, reliable=True, latched=row.latched)
+    return node.create_publisher(message_class(row.type), actual_name or name, qos, event_callbacks=callbacks)
 
 
 def create_subscription(
@@ -81,7 +66,11 @@ def create_subscription(
     actual_name: str | None = None,
     raw: bool = False,
 ) -> Subscription:
-    """Create a subscription to a topic of the table; a raw one hands over bytes."""
+    """Create a subscription to a topic of the table; a raw one hands over bytes.
+
+    `reliable` False accepts any publisher, also a real driver's best-effort sensor data; True never
+    loses a message, which lockstep needs.
+    """
     row = topic(name)
-    qos = subscription_qos(row, depth=depth, reliable=reliable)
+    qos = profile(1 if row.latched else depth, reliable=reliable or row.latched, latched=row.latched)
     return node.create_subscription(message_class(row.type), actual_name or name, callback, qos, raw=raw)

@@ -96,16 +96,6 @@ def test_arm_with_any_grasped_object_on_1000_random_states(seed):
         np.testing.assert_allclose(bias, pin.nonLinearEffects(twin.model, twin.data, q, v), rtol=0, atol=PARITY)
 
 
-def test_parity_check_sees_a_gram():
-    """The check itself can fail: one gram more on the object is far above the tolerance."""
-    params = build(BridgeParams, {"object.mass": 0.5}, "test")
-    heavier = build(BridgeParams, {"object.mass": 0.501}, "test")
-    ours, twin = build_model(params, urdf_text()), GraspTwin(heavier, urdf_text())
-    q, v = next(random_states(twin.model, 4, 1))
-    M, _ = mujoco_terms(ours, mujoco.MjData(ours), q, v)
-    assert np.abs(M - symmetric(pin.crba(twin.model, twin.data, q))).max() > 1e6 * PARITY
-
-
 def symmetric(upper):
     """Fill the lower triangle that Pinocchio leaves empty."""
     return np.triu(upper) + np.triu(upper, 1).T

@@ -7,23 +7,20 @@ import math
 import numpy as np
 import pytest
 
-from slip_sim_bridge.simulation import CLIPPED, NOT_FINITE, OBEYED, drive
+from slip_sim_bridge.simulation import drive
 from slip_vic.scenarios.scenario import load_scenario
 
 
 @pytest.mark.parametrize("largest_change", [0.0, 0.5, math.inf])
 def test_a_drive_follows_its_rate_and_its_limit(largest_change):
-    rng, seen = np.random.default_rng(1), set()
+    rng = np.random.default_rng(1)
     for spread in np.repeat([0.3, 3.0], 200):
         limit = np.array([1.0, 2.0, math.inf])
         last, wanted = rng.uniform(-1.0, 1.0, 3), spread * rng.standard_normal(3)
         applied = np.full(3, math.nan)
-        outcome = drive(wanted, last, largest_change, limit, applied)
+        assert drive(wanted, last, largest_change, limit, applied)
         followed = np.clip(wanted, last - largest_change, last + largest_change)
         assert np.array_equal(applied, np.clip(followed, -limit, limit))
-        assert outcome == (CLIPPED if (applied != followed).any() else OBEYED)
-        seen.add(outcome)
-    assert seen == ({OBEYED, CLIPPED} if largest_change > 0.0 else {OBEYED})
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
@@ -31,7 +28,7 @@ def test_a_drive_follows_its_rate_and_its_limit(largest_change):
 def test_the_drive_says_where_an_effort_is_not_finite(bad, joint):
     wanted = np.zeros(3)
     wanted[joint] = bad
-    assert drive(wanted, np.zeros(3), math.inf, np.ones(3), np.zeros(3)) == NOT_FINITE
+    assert not drive(wanted, np.zeros(3), math.inf, np.ones(3), np.zeros(3))
 
 
 def test_a_position_leads_a_joint_by_what_its_speed_makes_good_in_a_period() -> None:
