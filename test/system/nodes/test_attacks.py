@@ -53,28 +53,6 @@ def test_controller_exception_is_a_fault(
     watcher.wait_law()
 
 
-@pytest.mark.parametrize("loud", ["0", "1"])
-def test_bridge_exception_resets_the_arm(watcher: Watcher, start: Any, processes: Processes, loud: str) -> None:
-    from rcl_interfaces.srv import SetParameters
-    from sensor_msgs.msg import JointState
-
-    positions: list[float] = []
-    watcher.node.create_subscription(JointState, "joint_states", lambda m: positions.append(m.position[0]), 100)
-    processes.environment[LOUD_VARIABLE] = loud
-    start("controller", *CONTROLLER_SLOW)
-    bridge = start("bridge", *BRIDGE_ENDLESS, script=Path(__file__).with_name("failing_bridge.py"))
-    if loud == "1":
-        assert processes.wait_end(bridge) == 1
-        assert "ZeroDivisionError: put in by a test" in bridge.tail()
-        return
-    watcher.spin(lambda: any("failed in a tick" in line for line in bridge.lines), "the failure")
-    count = len(positions)
-    watcher.spin(lambda: len(positions) > count + 100, "joint states that go on")
-    assert sum("failed in" in line for line in bridge.lines) == 1, bridge.tail()
-    assert watcher.call(SetParameters, "/slip_sim_bridge/set_parameters", SetParameters.Request()) is not None
-    watcher.wait_law()
-
-
 @pytest.mark.smoke
 def test_second_controller_is_a_fault(nodes: System, shared_start: Any, shared_processes: Processes) -> None:
     from sensor_msgs.msg import JointState
