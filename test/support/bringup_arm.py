@@ -23,7 +23,7 @@ from slip_vic_controller.safety.modes import Request
 
 BRINGUP = (
     "controller.trajectory.kind=goal", "controller.safety.auto_enable=false", "controller.governor.friction=unknown",
-    "bridge.stop_after_duration=false",
+    "bridge.duration_s=1e6",
 )  # fmt: skip
 SENSORS = ("ideal", "optical_flow_120", "event_1000", "force_tactile_500", "vision_60", "vision_25")
 DRIVES = ("", "torque_joint", "velocity_500", "velocity_125", "position_250")

@@ -1,4 +1,4 @@
-"""The simulated gripper: its force follows what is commanded, with a rate limit and a lag of first order."""
+"""The simulated gripper: its force follows what is commanded, with a lag of first order."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ LARGEST = range_of("N")[1]
 
 
 class Gripper:
-    """Force of the grip, sum over both pads [N]; without lag and rate limit it is what is commanded, to the last bit.
+    """Force of the grip, sum over both pads [N]; without lag it is what is commanded, to the last bit.
 
     Args:
         params: of the grip.
@@ -21,7 +21,6 @@ class Gripper:
 
     def __init__(self, params: GripParams, period_s: float) -> None:
         self._share = 1.0 - math.exp(-period_s / params.lag_s) if params.lag_s > 0.0 else 1.0
-        self._largest_change = params.force_rate * period_s
         self.put(params.force)
 
     def put(self, force: float) -> None:
@@ -41,9 +40,6 @@ class Gripper:
     def step(self) -> float:
         """Follow the command for one control period and return the force [N]."""
         if self.force != self._commanded:
-            change = self._share * (self._commanded - self.force) if self._share < 1.0 else self._commanded - self.force
-            if abs(change) <= self._largest_change:
-                self.force = self.force + change if self._share < 1.0 else self._commanded
-            else:
-                self.force += math.copysign(self._largest_change, change)
+            late = self._share < 1.0
+            self.force = self.force + self._share * (self._commanded - self.force) if late else self._commanded
         return self.force

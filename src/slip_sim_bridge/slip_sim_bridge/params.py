@@ -17,7 +17,6 @@ _CLOCK_TICKS_PER_S = 1_000_000_000
 
 WORLD = (
     "plant", "substeps", "gravity", "control_period_s", "object", "duration_s", "mode", "expected_subscribers",
-    "stop_after_duration",
 )  # fmt: skip
 """Parameters that are equal for all arms: there is one world and one object."""
 
@@ -31,9 +30,6 @@ class GripParams(GripperModel):
         unit="N",
         runtime=True,
         ge=0.0,
-    )
-    force_rate: float = parameter(
-        1e6, "largest change of the simulated grip force with time, whatever is commanded", unit="N/s", gt=0.0
     )
     pad_size: tuple[float, float] = parameter(
         (0.2, 0.2),
@@ -53,11 +49,11 @@ class HoldParams(ParameterModel):
 
     stiffness: float = parameter(
         400.0,
-        "joint stiffness over joint inertia while holding: square of the loop's natural frequency",
+        "joint stiffness over joint inertia while holding: square of the natural frequency of the loop, which is "
+        "critically damped",
         unit="1/s2",
         ge=0.0,
     )
-    damping: float = parameter(40.0, "joint damping over joint inertia while holding", unit="1/s", ge=0.0)
 
 
 class PushParams(ParameterModel):
@@ -159,7 +155,6 @@ class BridgeParams(ArmParams):
         gt=0.0,
     )
     duration_s: float = parameter(8.0, "simulated time of a run", unit="s", gt=0.0)
-    stop_after_duration: bool = parameter(True, "end the process after duration_s; false runs until stopped")
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

@@ -88,7 +88,7 @@ class BridgeSession:
     @property
     def finished(self) -> bool:
         """Whether the run's duration is over."""
-        return self._arms[0].stop_after_duration and self.simulation.stamp_ns - self._start_ns >= self._duration_ns
+        return self.simulation.stamp_ns - self._start_ns >= self._duration_ns
 
     @property
     def lost(self) -> Incident | None:

@@ -295,8 +295,8 @@ class Simulation:
         """Return the effort that holds the arm where it was when this began; (n,) [N m]."""
         if arm.posture is None:
             arm.posture = self._posture(index)
-        hold = arm.params.hold
-        applied = arm.limited(self.plant.holding_effort(index, arm.posture, hold.stiffness, hold.damping))
+        stiffness = arm.params.hold.stiffness
+        applied = arm.limited(self.plant.holding_effort(index, arm.posture, stiffness, 2.0 * math.sqrt(stiffness)))
         if applied is None:
             self._diverged = True
             raise DivergenceError("simulation diverged: no finite effort holds the arm; reset it")

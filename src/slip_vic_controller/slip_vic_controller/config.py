@@ -23,7 +23,7 @@ from slip_vic_controller.contact.layouts import OBSERVER_CONFIG
 from slip_vic_controller.governor.layouts import MAX_WINDOW, GovernorConfig
 from slip_vic_controller.governor.plan import Governing
 from slip_vic_controller.interfaces import fill_wrench_sensor
-from slip_vic_controller.law.bounds import DRIVE_SHARE, INTERNAL_BOUND, ROUNDING, internal_gain_limit
+from slip_vic_controller.law.bounds import DRIVE_SHARE
 from slip_vic_controller.law.config import LAW_CONFIG, make_law_config
 from slip_vic_controller.law.contact import fill_contacts
 from slip_vic_controller.law.gains import LAW_GAINS, UNKNOWN_LAG, gain_report, make_law_gains
@@ -96,7 +96,6 @@ def make_config(params: ControllerParams, robot: Robot, *, lockstep: bool, arms:
     if params.trajectory.of == "object":
         o_R_p = matrix_from_quat_xyzw(params.contacts.orientation_xyzw[:4])
         config.path.carries, config.path.lever[:] = 1, product(o_R_p.T, np.array(params.contacts.position[:3]))
-    _check_internal_gain(params)
     gains = make_law_gains(params, gain_report(params).used)
     _copy(config, "gains", gains, config.gains.dtype)
     config.hold.carriers = max(arms, params.contacts.count)
@@ -105,7 +104,8 @@ def make_config(params: ControllerParams, robot: Robot, *, lockstep: bool, arms:
     use_noise(config, params, robot.effort_limit)
     copy_fields(config.tare, params.tare, params.object)
     copy_fields(config.grip, params.grip)
-    config.grip.follow = int(params.grip.control == "follow")
+    config.grip.follow, grip = int(params.grip.control == "follow"), params.grip
+    config.grip.preview_s = grip.lag_s + (grip.force_limit - grip.nominal_force) / grip.command_rate
     _fill_cycle(config.cycle, params, len(robot.joint_names))
     _fill_inputs(config, params, robot, lockstep=lockstep)
     _fill_conditions(config, params)
@@ -139,22 +139,6 @@ def use_noise(config: ControllerConfig, params: ControllerParams, effort_limit: 
     _fill_governor(config.governor, params)
 
 
-def _check_internal_gain(params: ControllerParams) -> None:
-    """Refuse a kappa that is too large for the control period alone.
-
-    Raises:
-        InputError: it is.
-    """
-    gains = params.gains
-    most = internal_gain_limit(min(gains.inertia[:3]), gains.pad_stiffness, params.control_period_s)
-    if len(params.contacts.position) > 3 and gains.kappa > (1.0 + ROUNDING) * most:
-        raise InputError(
-            "parameter gains.kappa",
-            got=gains.kappa,
-            expected=f"at most {most:.6g}: kappa gains.pad_stiffness period^2 / gains.inertia below {INTERNAL_BOUND}",
-        )
-
-
 def governed_stream(params: ControllerParams) -> bool:
     """Return whether references come by topic and are governed."""
     return params.trajectory.kind == "topic" and params.governor.mode != "off"
@@ -177,15 +161,13 @@ def _fill_cycle(cycle: CycleConfig, params: ControllerParams, joints: int) -> No
     posture = params.nullspace.posture
     if posture and len(posture) != joints:
         raise InputError("parameter nullspace.posture", got=f"{len(posture)} values", expected=f"{joints} or none")
-    safety = params.safety
-    copy_fields(cycle, params, params.gains, params.measured, params.nullspace, safety.fallback, safety.inputs.joint)
+    copy_fields(cycle, params, params.gains, params.slip_sensor, params.nullspace, params.safety.fallback)
     cycle.period_ns, cycle.start_s = seconds_to_ns(params.control_period_s), params.trajectory.start_s
     cycle.posture_given = int(bool(posture))
     cycle.has_observer = int(params.slip_estimator == "observer")
     cycle.gate_shut = int(gate_shut(params))
     cycle.models_wrench = int(params.wrench.source == "none")
     cycle.leaves_gravity = int(params.effort.gravity == "robot_compensates")
-    cycle.k_s_adapts = int(params.gains.k_s_mode != "fixed")
     if params.foresees_slip and cycle.gate_shut == 0:
         cycle.slip_ahead_s = (1.0 - UNKNOWN_LAG) * params.drive_lag_s
     # Else the arm does what is commanded, at once.
@@ -194,21 +176,18 @@ def _fill_cycle(cycle: CycleConfig, params: ControllerParams, joints: int) -> No
 
 def _fill_inputs(config: ControllerConfig, params: ControllerParams, robot: Robot, *, lockstep: bool) -> None:
     inputs, n, joint = params.safety.inputs, len(robot.joint_names), config.joint
-    copy_fields(joint, inputs, inputs.joint)
+    copy_fields(joint, inputs)
     joint.lower[:n], joint.upper[:n] = robot.position_lower - SLACK, robot.position_upper + SLACK
     joint.fastest[:n] = robot.velocity_limit * FASTEST
     joint.jump, joint.clock_jump_ns = JUMP, seconds_to_ns(CLOCK_JUMP_S)
     joint.accept_after = 1 if lockstep else ACCEPT_AFTER
     joint.still = params.joint_sensor.quantum_position / inputs.frozen_s
     wrench, slip = config.wrench, config.slip
-    for limits, watch in ((wrench, inputs.wrench), (slip, inputs.slip)):
-        copy_fields(limits, inputs, watch)
+    for limits in (wrench, slip):
+        copy_fields(limits, inputs)
         limits.future_ns = seconds_to_ns(FUTURE_S)
-    wrench.linear, wrench.angular, wrench.zero_after = (
-        inputs.wrench.force,
-        inputs.wrench.torque,
-        params.wrench.zero_after,
-    )
+    wrench.linear, wrench.angular = inputs.force, inputs.torque
+    slip.linear, slip.angular, slip.age_ns = inputs.slip_linear, inputs.slip_angular, seconds_to_ns(inputs.slip_age_s)
     slip.zero_is_normal = 1
     if params.slip_sensor.quantum_linear > 0.0:  # a slip that changes by less than a quantum reads the same
         slip.frozen_ns *= QUANTISED_REPEATS
@@ -227,8 +206,7 @@ def _fill_conditions(config: ControllerConfig, params: ControllerParams) -> None
     conditions.slow_down_ns = seconds_to_ns(STOPS_WITHIN * safety.fallback.slow_down_s)
     unseen_s = min(safety.inputs.bridge_s + safety.fallback.slow_down_s, UNSEEN_SHARE * BLIND_S)
     conditions.unseen_ns = seconds_to_ns(unseen_s)
-    conditions.gap_ns = seconds_to_ns(safety.inputs.joint.age_s)
-    conditions.late_after = ACCEPT_AFTER
+    conditions.gap_ns = seconds_to_ns(safety.inputs.age_s)
     conditions.slip_needed = int(params.controller != "classical")
     copy_fields(config.drop, safety.load, safety.limits)
     config.drop.memory_s = FALLS_WITHIN_S
@@ -251,11 +229,8 @@ def _fill_limits(config: ControllerConfig, params: ControllerParams, robot: Robo
     command, given, sensor = config.command, params.command, params.joint_sensor
     command.interface = Interface[given.interface.upper()]
     command.lag = sensor.latency_s + sensor.filter_s + params.drive_lag_s + params.control_period_s
-    command.velocity[:n], command.acceleration[:n], command.jerk[:n] = (
-        velocity,
-        given.acceleration_limit,
-        given.jerk_limit,
-    )
+    command.velocity[:n], command.acceleration[:n] = velocity, given.acceleration_limit
+    command.jerk[:n] = given.acceleration_limit / (2.0 * params.control_period_s)  # to the limit in two cycles
     command.lower[:n], command.upper[:n] = robot.position_lower, robot.position_upper
 
 
@@ -290,8 +265,7 @@ def _fill_governor(governor: GovernorConfig, params: ControllerParams) -> None:
     governor.reserve = given.reserve + shared * (1.0 - given.reserve) if given.friction != "unknown" else 0.0
     governor.radius, governor.slip_axes[:] = given.torsional_radius, params.contacts.slip_axes[:6]
     governor.gravity[:] = params.gravity
-    last = path.waypoint_times_s[-1] if path.kind == "waypoints" and path.waypoint_times_s else path.duration_s
-    governor.duration, governor.length, governor.floor = last, PATH_LENGTH_M, PATH_FLOOR_M_S
+    governor.duration, governor.length, governor.floor = path.duration_s, PATH_LENGTH_M, PATH_FLOOR_M_S
     governor.most_speed, governor.most_turning = BRAKED_FROM * limits.speed_linear, BRAKED_FROM * limits.speed_angular
     governor.most_grip = params.grip.force_limit / params.grip.nominal_force if params.grip.control == "follow" else 1.0
     governor.window = min(max(1, round(given.window_s / params.control_period_s)), MAX_WINDOW)

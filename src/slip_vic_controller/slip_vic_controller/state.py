@@ -44,7 +44,6 @@ class CycleConfig(Record):
     """What the cycle itself needs to be configured."""
 
     period_ns: Whole
-    late_ns: Whole  # what is too late for the law, 0 = nothing
     slow_down_s: Real  # s; time in which the path comes to rest
     start_s: Real  # s; of the trajectory
     posture_given: Whole
@@ -52,7 +51,6 @@ class CycleConfig(Record):
     has_observer: Whole
     dead_band_linear: Real  # m/s
     dead_band_angular: Real  # rad/s
-    k_s_adapts: Whole  # whether k_s follows the measured delays
     k_s_margin: Real
     pad_stiffness: Real  # N/m; for the bound on kappa
     drive_lag_s: Real  # from a command to the motion that it asks for

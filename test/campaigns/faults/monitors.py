@@ -173,14 +173,14 @@ def promised_ages(
     Without slip velocity or wrench, and where joint states come that show nothing, the path comes to rest first.
     """
     inputs, rest_s = safety.inputs, 2.0 * safety.fallback.slow_down_s
-    unheeded = {JOINT: inputs.joint.age_s}
-    limits = {JOINT: 0.9 * BLIND_S if joints_spoilt else inputs.joint.age_s}
+    unheeded = {JOINT: inputs.age_s}
+    limits = {JOINT: 0.9 * BLIND_S if joints_spoilt else inputs.age_s}
     if has_wrench:
-        unheeded[WRENCH] = inputs.wrench.age_s
-        limits[WRENCH] = inputs.wrench.age_s + rest_s
+        unheeded[WRENCH] = inputs.age_s
+        limits[WRENCH] = inputs.age_s + rest_s
     if needs_slip:
-        unheeded[SLIP] = inputs.slip.age_s
-        limits[SLIP] = inputs.slip.age_s + rest_s + (safety.fallback.observer_s if observer else 0.0)
+        unheeded[SLIP] = inputs.slip_age_s
+        limits[SLIP] = inputs.slip_age_s + rest_s + (safety.fallback.observer_s if observer else 0.0)
     return limits, unheeded
 
 

@@ -201,7 +201,7 @@ def realtime_scenario(
     """Return a scenario as campaigns run it, in real time without an end; the ideal sensor leaves the gains."""
     usual = (
         f"controller.control_period_s={PERIOD_S}", f"bridge.control_period_s={PERIOD_S}",
-        "controller.gains.k_s=100.0", "bridge.stop_after_duration=false",
+        "controller.gains.k_s=100.0", "bridge.duration_s=1e6",
     )  # fmt: skip
     return load_scenario(
         name, law=controller, mode="realtime", assignments=(*usual, *assignments),

@@ -93,7 +93,7 @@ def test_reference_topic_is_followed(processes: Processes, ros_node: Any) -> Non
     from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
 
     common = ["-p", "mode:=realtime"]
-    bridge_options = [*common, "-p", "stop_after_duration:=false", "-p", "control_period_s:=0.01"]
+    bridge_options = [*common, "-p", "duration_s:=1e6", "-p", "control_period_s:=0.01"]
     processes.python(
         "bridge", "-m", "slip_sim_bridge.main", "--ros-args", "--params-file", CONFIG / "bridge.yaml", *bridge_options
     )

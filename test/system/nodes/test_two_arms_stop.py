@@ -27,7 +27,7 @@ from test.system.nodes.test_modes import LATCHED
 
 SIDES = ("left", "right")
 ASSIGNMENTS = (
-    "bridge.stop_after_duration=false",
+    "bridge.duration_s=1e6",
     "bridge.lockstep_timeout_s=60.0",
     "bridge.peer_timeout_s=60.0",
     "controller.trajectory.start_s=0.0",

@@ -11,7 +11,7 @@ import numpy as np
 from slip_vic.scenarios.scenario import NODES, load_scenario, ros_parameter_file
 from test.support.ros import Processes, wait_until
 
-PERIOD = ("control_period_s=0.004", "bridge.stop_after_duration=false")
+PERIOD = ("control_period_s=0.004", "bridge.duration_s=1e6")
 MODULES = {"controller": "slip_vic_controller.main", "bridge": "slip_sim_bridge.main"}
 SOME = 50
 

@@ -240,11 +240,11 @@ def test_efforts_lag_and_are_scaled_and_offset() -> None:
             simulation.observe().joint.effort, hold + 0.2 * (1.0 - math.exp(-DT * k / 0.005)), rtol=0.0, atol=1e-12
         )
         simulation.step(hold + 0.2)
-    params = DriveParams(gain=0.95, offset=(0.1,), ripple=0.02, ripple_cycles=8.0)
+    params = DriveParams(gain=0.95, offset=(0.1,), ripple=0.02)
     drives = Drives(params, np.full(2, 10.0), DT)
     position = np.array((0.1, -0.3))
     np.testing.assert_allclose(
-        drives.at_joints(np.array((1.0, -2.0)), position), np.array((1.05, -1.8)) + 0.02 * np.sin(8.0 * position)
+        drives.at_joints(np.array((1.0, -2.0)), position), np.array((1.05, -1.8)) + 0.02 * np.sin(6.0 * position)
     )
 
 

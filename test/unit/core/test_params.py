@@ -22,7 +22,7 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     ({"gains.stiffness": (5.0, 5.0, float("nan"), 1.0, 1.0, 1.0)}, ["stiffness", "finite"]),
     ({"gains.k_s": 0.0}, ["gains.k_s", "greater than"]),
     ({"gains.alpha": -1.0}, ["gains.alpha"]),
-    ({"gains.gamma_kp": -1.0}, ["gains.gamma_kp"]),
+    ({"gains.gamma": -1.0}, ["gains.gamma"]),
     ({"gains.ks": 1.0}, ["gains.ks", "did you mean", "gains.k_s"]),
     ({"controler": "vic"}, ["controler", "did you mean controller"]),
     ({"controller": "adaptive"}, ["controller", "vic", "classical"]),
@@ -40,14 +40,6 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     ({"trajectory.kind": "spiral"}, ["trajectory.kind"]),
     ({"trajectory.kind": "waypoints"}, ["trajectory", "waypoints"]),
     ({"trajectory.kind": "waypoints", "trajectory.waypoints": (0.0,) * 7}, ["waypoints has 7 values"]),
-    (
-        {
-            "trajectory.kind": "waypoints",
-            "trajectory.waypoints": (0.0,) * 12,
-            "trajectory.waypoint_times_s": (1.0, 0.5),
-        },
-        ["waypoint_times_s", "growing"],
-    ),
     ({"trajectory.kind": "circle", "trajectory.duration_s": 1.0}, ["trajectory", "ramp_s"]),
     ({"trajectory.kind": "quintic", "trajectory.rotation": (0.0, 0.0, 4.0)}, ["rotation", "at most pi"]),
     ({"trajectory.duration_s": 0.0}, ["trajectory.duration_s"]),
@@ -55,7 +47,6 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     ({"ee_frame": "tool"}, ["ee_frame", "tool"]),
     ({"gravity": (0.0, 0.0)}, ["gravity"]),
     ({"safety.resume_after_s": 1e300}, ["safety.resume_after_s", "less than or equal to"]),
-    ({"wrench.zero_after": 10**18}, ["wrench.zero_after", "less than or equal to"]),
     ({"control_period_s": 1e-9}, ["control_period_s", "greater than or equal to 0.00001"]),
     (
         {"slip_estimator": "observer", "slip_sensor.rate_hz": 1e6, "gains.k_s": 100.0},
@@ -79,7 +70,7 @@ def test_defaults_are_the_papers_gains() -> None:
     assert gains.stiffness == (5.0, 5.0, 5.0, 4.5, 4.5, 4.5)
     assert gains.damping == (2.5, 2.5, 2.5, 2.2, 2.2, 2.2)
     assert gains.inertia == (0.4, 0.4, 0.4, 0.3, 0.3, 0.3)
-    assert {gains.gamma_kp, gains.gamma_ko, gains.gamma_dp, gains.gamma_do, gains.alpha} == {100.0}
+    assert {gains.gamma, gains.alpha} == {100.0}
     assert gains.k_s == 1000.0
 
 

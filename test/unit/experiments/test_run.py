@@ -52,7 +52,7 @@ def test_a_run_has_all_its_numbers() -> None:
 @pytest.mark.parametrize(
     ("law", "settings", "outcome", "reason"),
     [
-        ("vic?slip_estimator=measured", ("controller.gains.k_s_mode=fixed",), "refused", "k_s"),
+        ("vic", ("controller.gains.k_s=0.5",), "refused", "k_s"),
         ("vic", ("bridge.duration_s=nonsense",), "refused", "duration_s"),
         ("vic", ("bridge.gravity=[0.0, 0.0, -1e6]", "bridge.grip.pad_size=[1e3, 1e3]"), "lost", "simulation diverged"),
         ("classical", ("controller.tare.duration_s=1.0",), "held", "the law never began: "),

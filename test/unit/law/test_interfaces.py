@@ -16,9 +16,7 @@ from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import Scenario, load_scenario
 from slip_vic_controller.contact.slip_displacement import SlipFromDisplacement
 from slip_vic_controller.law.arm import ARM as ARM_LAYOUT
-from slip_vic_controller.safety.modes import Mode
 from slip_vic_controller.state import INPUTS
-from test.support.made_up import LOAD, MadeUp
 from test.support.one_arm import one_arm
 
 TICKS = 40
@@ -83,23 +81,6 @@ def test_a_urdf_link_places_the_wrench_sensor() -> None:
         one_arm(twice, urdf, lockstep=True)
     with pytest.raises(InputError, match="a link that is fixed to ee"):
         one_arm(scenario("controller.wrench.frame=arm_link3").controller, urdf, lockstep=True)
-
-
-def test_a_constant_zero_wrench_is_invalid() -> None:
-    made = MadeUp(wrench__zero_after=5)
-    noise = made.noise
-    made.noise = lambda size: np.zeros(size) if size == len(LOAD) else noise(size)  # to the last bit
-    assert made.cycle().mode == Mode.ACTIVE
-    modes = [made.cycle(wrench=_ZERO, slip=_ZERO).mode for _ in range(8)]
-    assert modes[:4] == [Mode.ACTIVE] * 4
-    assert modes[4:] == [Mode.DEGRADED] * 4
-    assert made.session.reason == "wrench is invalid: slowing down"
-    for _ in range(1000):
-        made.cycle(wrench=_ZERO, slip=_ZERO)
-    assert (made.session.mode, made.session.reason) == (Mode.HOLD, "wrench is invalid")
-    assert MadeUp(wrench__zero_after=0).cycle(wrench=_ZERO).mode == Mode.ACTIVE
-    assert made.cycle(wrench=LOAD, slip=_ZERO).mode == Mode.HOLD, "it must be good for a while first"
-    assert "wrench is invalid" in made.session.reason
 
 
 def test_an_arm_that_compensates_gravity() -> None:

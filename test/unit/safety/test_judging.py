@@ -50,7 +50,6 @@ class Memory(NamedTuple):
     unseen_ns: int
     frozen_before: bool
     wrench_bad_ns: int | None
-    late_in_a_row: int
     pad_twist: np.ndarray
     slips: tuple[np.ndarray, ...]
     slid_before: bool
@@ -67,7 +66,7 @@ class Verdict(NamedTuple):
 QUIET = Memory(
     now_ns=NOW_NS - MS, mode=Mode.ACTIVE, slip_unknown_ns=None, too_fast_ns=None, saturated_ns=None, stopping_ns=None,
     fall_speed=0.0, slip_variance=TWIST, path_speed=1.0, path_scale=1.0, reference_moves=False,
-    unseen_ns=0, frozen_before=False, wrench_bad_ns=None, late_in_a_row=0,
+    unseen_ns=0, frozen_before=False, wrench_bad_ns=None,
     pad_twist=TWIST, slips=(TWIST,), slid_before=False,
 )  # fmt: skip
 NONE = Reason.NONE
@@ -99,7 +98,7 @@ class Judge:
         self, memory: Memory, health=GOOD, frozen: bool = False, q=POSITION, qd=STILL, now_ns: int = NOW_NS
     ) -> Verdict:
         s, m, rows = self.state, memory, self.state.conditions
-        s.now_ns, s.mode.mode, s.latency.in_a_row = m.now_ns, m.mode, m.late_in_a_row
+        s.now_ns, s.mode.mode = m.now_ns, m.mode
         self.task.path.scale = m.path_scale
         call(forget_conditions, rows)
         times = dict.fromkeys(SLIP, m.slip_unknown_ns) | {
@@ -111,7 +110,7 @@ class Judge:
         s.observed.fall_speed, s.observed.path_speed, s.observed.moves = m.fall_speed, m.path_speed, m.reference_moves
         s.observed.twist[:], s.pad.contact.variance[:] = m.pad_twist, m.slip_variance
         s.estimate.unmeasured[:N] = m.unseen_ns // MS
-        before = of_fault(Reason.JOINT_STATE, Reason.FROZEN if m.frozen_before else Reason.LATE)
+        before = of_fault(Reason.JOINT_STATE, Reason.FROZEN if m.frozen_before else Reason.SILENT)
         put_why(s.mode.reason, before)
         for of, slip in zip(s.slip_inputs, m.slips, strict=False):
             of["values"][:], of["stamp_ns"] = slip, m.now_ns
@@ -124,13 +123,12 @@ class Judge:
 
 
 def kinds() -> list[Judge]:
-    safety = {"safety__inputs__joint__late_s": 0.01}
     return [
-        Judge(**safety),
-        Judge(slip_estimator="observer", **safety),
+        Judge(),
+        Judge(slip_estimator="observer"),
         Judge(controller="classical"),
-        Judge(slip_sensor__latency_s=0.08, slip_sensor__rate_hz=25.0, **safety),
-        Judge(slip_estimator="observer", joint_sensor__noise_velocity=0.003, **safety),
+        Judge(slip_sensor__latency_s=0.08, slip_sensor__rate_hz=25.0),
+        Judge(slip_estimator="observer", joint_sensor__noise_velocity=0.003),
     ]
 
 
@@ -171,15 +169,14 @@ def test_good_inputs_give_no_reason() -> None:
 
 def test_what_counts_first() -> None:
     """Of two reasons of one severity the one that a user has to act on; a reason to hold hides one to be careful."""
-    kind, late = kinds()[0], QUIET._replace(late_in_a_row=10**6)
+    kind = kinds()[0]
     silent, invalid = (Reason.SILENT, NONE, NONE), (NONE, Reason.INVALID, NONE)
     held = QUIET._replace(mode=Mode.HOLD)
     stops = QUIET._replace(stopping_ns=NOW_NS, path_speed=0.5)
     hold, careful = Severity.HOLD, Severity.DEGRADED
     for memory, health, severity, words in (
-        (late, (NONE, NONE, Reason.SECOND_PUBLISHER), hold, "an input has two publishers"),
-        (late._replace(mode=Mode.HOLD), silent, hold, "wrench is silent"),
-        (late, invalid, hold, "joint state is late"),
+        (QUIET, (NONE, NONE, Reason.SECOND_PUBLISHER), hold, "an input has two publishers"),
+        (held, silent, hold, "wrench is silent"),
         (held, invalid, hold, "slip velocity is invalid"),
         (QUIET._replace(unseen_ns=10**9), invalid, hold, "joint state is frozen"),
         (QUIET, silent, careful, "wrench is silent: slowing down"),
@@ -187,7 +184,7 @@ def test_what_counts_first() -> None:
         (stops, invalid, careful, "slip velocity is invalid: slowing down"),
         (stops, GOOD, careful, "hold requested: coming to rest first"),
         (stops._replace(stopping_ns=None), GOOD, careful, "the path waits for the arm"),
-        (late, (NONE, NONE, Reason.FOREIGN_COMMAND), Severity.FAULT, "effort command has another publisher"),
+        (QUIET, (NONE, NONE, Reason.FOREIGN_COMMAND), Severity.FAULT, "effort command has another publisher"),
     ):
         verdict = kind.judge(memory, health)
         assert (verdict.severity, verdict.words) == (severity, words)

@@ -26,7 +26,7 @@ def run(took_ms, buffer=None, *, offset_ns: int = 123):
     for k, took in enumerate(took_ms):
         now_ns = 1_000 * MS + k * 4 * MS + offset_ns
         stamp_ns = now_ns - round(took * MS) - offset_ns
-        call(measure_latency, buffer, now_ns, stamp_ns, 4 * MS, 12 * MS)
+        call(measure_latency, buffer, now_ns, stamp_ns, 4 * MS)
     return state, buffer
 
 
@@ -40,7 +40,6 @@ def test_one_late_answer_does_not_count() -> None:
     _, good = run([1.0] * 20)
     assert run([30.0], good)[0].most_ns == 0
     late, _ = run([30.0] * 6, good)
-    assert late.in_a_row == 5
     assert late.most_ns == pytest.approx(29 * MS, rel=1e-2)
 
 
@@ -48,7 +47,6 @@ def test_lasting_delay_is_remembered() -> None:
     late, buffer = run([30.0] * 2000, run([1.0] * 20)[1])
     assert late.last_ns == pytest.approx(29 * MS, rel=1e-2)
     over, _ = run([1.0] * round(5 * DECAY_S / 0.004), buffer)
-    assert over.in_a_row == 0
     assert over.most_ns < 0.02 * late.most_ns
 
 

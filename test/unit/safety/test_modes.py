@@ -37,7 +37,6 @@ from test.support.call import call
 
 class Policy(NamedTuple):
     auto_enable: bool
-    auto_resume: bool
     resume_after_ns: int
 
 
@@ -49,9 +48,8 @@ class ModeState(NamedTuple):
     good_since_ns: int | None
 
 
-POLICY = Policy(auto_enable=True, auto_resume=True, resume_after_ns=100)
-MANUAL = Policy(auto_enable=False, auto_resume=False, resume_after_ns=100)
-NO_RESUME = Policy(auto_enable=True, auto_resume=False, resume_after_ns=100)
+POLICY = Policy(auto_enable=True, resume_after_ns=100)
+MANUAL = Policy(auto_enable=False, resume_after_ns=100)
 GOOD, MISSING = NOTHING, because(Reason.WAITS, 8)
 FAULTY = Why(Reason.FALLS.value, 0, 0, 0, 0.5, 0.0, -1, 0.0)
 BAD, DEGRADED = because(Reason.SLIDES, 0), because(Reason.PATH_WAITS, 0)
@@ -95,15 +93,11 @@ def run(policy: Policy, *steps: tuple[Why, Request, int]) -> ModeState:
     return machine.state
 
 
-ALL = list(
-    itertools.product(
-        Mode, FOUND, Request, (True, False), (None, 0), (POLICY, MANUAL, NO_RESUME), (50, 100), (0, 9, 27)
-    )
-)
+ALL = list(itertools.product(Mode, FOUND, Request, (True, False), (None, 0), (POLICY, MANUAL), (50, 100), (0, 9, 27)))
 
 
 def test_rules_that_hold_for_every_transition() -> None:
-    machines = {policy: Machine(policy) for policy in (POLICY, MANUAL, NO_RESUME)}
+    machines = {policy: Machine(policy) for policy in (POLICY, MANUAL)}
     for mode, found, request, enabled, good_since, policy, now, reason in ALL:
         code = REASONS[reason] if mode != Mode.FAULT else FAULTY  # a fault's reason says nothing before it
         before = ModeState(mode, describe(code, ()), -1, enabled, good_since)
@@ -143,7 +137,7 @@ def test_requested_hold_stays() -> None:
     held = run(POLICY, *steps)
     assert (held.mode, held.reason) == (Mode.HOLD, "hold requested")
     assert run(POLICY, *steps, (GOOD, Request.ENABLE, 1)).mode == Mode.ACTIVE
-    # Also where an input was bad in between, and with auto_resume: what a user asked for ends by a user.
+    # Also where an input was bad in between, as what a user asked for ends by a user.
     bad = run(POLICY, *steps, (BAD, Request.NONE, 1))
     assert (bad.enabled, bad.reason) == (False, f"hold requested; {H}")
     assert run(POLICY, *steps, (BAD, Request.NONE, 1), (GOOD, Request.NONE, 10_000)).reason == "hold requested"

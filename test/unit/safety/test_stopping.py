@@ -105,7 +105,7 @@ def test_lost_slip_stops_on_path() -> None:
 
 # -- joint states that stay away ----------------------------------------------------------------------
 
-AGE_NS = 50 * MS  # default of `inputs.joint.age_s`
+AGE_NS = 50 * MS  # default of `inputs.age_s`
 
 
 def wait(made_up: MadeUp, passed_ns: int):
@@ -116,7 +116,7 @@ def wait(made_up: MadeUp, passed_ns: int):
 def test_silence_leads_to_gravity_compensation() -> None:
     """Within the rate limit, however old the last command is."""
     for age_ns in (20 * MS, AGE_NS):
-        made_up = law_at_work(**CALM, safety__inputs__joint__age_s=1e-9 * age_ns)
+        made_up = law_at_work(**CALM, safety__inputs__age_s=1e-9 * age_ns)
         last = made_up.run(50, wrench=np.array([0.0, 0.0, 30.0, 0.0, 0.0, 0.0]), **STILL)
         assert wait(made_up, age_ns) is None  # not longer than the age limit
         first = wait(made_up, 1)

@@ -15,8 +15,7 @@ from test.support.call import call
 from test.support.made_up import MS, NOW_NS, POSITION, STAMP_NS, N, controller_of
 
 INPUTS = SafetyParams().inputs
-WRENCH, SLIP = INPUTS.wrench, INPUTS.slip
-AGE_NS = round(SLIP.age_s * 1e9)
+AGE_NS = round(INPUTS.slip_age_s * 1e9)
 PERIOD_NS = 4 * MS
 QUIET = np.array([0.01, 0.0, 0.0, 0.0, 0.0, 0.0])
 
@@ -72,7 +71,7 @@ def test_joint_state_faults(change: dict[str, float], fault: Reason) -> None:
 
 @pytest.mark.parametrize("is_slip", [False, True])
 def test_vector_faults(is_slip: bool) -> None:
-    largest = SLIP.angular if is_slip else WRENCH.torque
+    largest = INPUTS.slip_angular if is_slip else INPUTS.torque
     for values, shift_ns, fault in (
         (np.nan, 0, Reason.NOT_FINITE), (1.01 * largest, 0, Reason.ABSURD),
         (1.0, -2 * PERIOD_NS, Reason.OUT_OF_ORDER), (1.0, -PERIOD_NS, Reason.DUPLICATE), (1.0, 10**9, Reason.FUTURE),
@@ -151,7 +150,7 @@ def said_while(bad: np.ndarray, heard: bool) -> Reason:
 
 
 @pytest.mark.parametrize(
-    ("bad", "fault"), [(np.full(6, 2.0 * SLIP.linear), Reason.ABSURD), (np.full(6, np.inf), Reason.NOT_FINITE)]
+    ("bad", "fault"), [(np.full(6, 2.0 * INPUTS.slip_linear), Reason.ABSURD), (np.full(6, np.inf), Reason.NOT_FINITE)]
 )
 def test_bad_numbers_are_not_silence(bad: np.ndarray, fault: Reason) -> None:
     assert said_while(bad, heard=True) == fault

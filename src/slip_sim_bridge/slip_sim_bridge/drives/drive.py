@@ -25,6 +25,10 @@ COMMAND, EFFORT = _NAMES.index("command"), _NAMES.index("effort")
 MODES = {"effort": FRICTION, "velocity": VELOCITY, "position": POSITION}
 
 
+RIPPLE_CYCLES = 6.0
+"""Of the ripple per turn of the joint."""
+
+
 class Drives:
     """Delays a command by whole control periods, lets the effort lag, and adds what drives add to it.
 
@@ -72,7 +76,7 @@ class Drives:
         """Return what an effort of the drives is at the joints; (n,) [N m], position (n,) [rad]."""
         params = self._params
         torque = params.gain * effort + self._offset
-        return torque + params.ripple * np.sin(params.ripple_cycles * position) if params.ripple > 0.0 else torque
+        return torque + params.ripple * np.sin(RIPPLE_CYCLES * position) if params.ripple > 0.0 else torque
 
     def follow(self, command: Array) -> None:
         """Set velocities [rad/s] or positions [rad] that the drives' own loops follow; (n,)."""

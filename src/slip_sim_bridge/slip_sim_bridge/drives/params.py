@@ -21,9 +21,9 @@ class DriveParams(DriveModel):
     )
     gain: float = parameter(1.0, "interface effort: effort at the joint over effort of the drive", ge=0.1, le=10.0)
     ripple: float = parameter(
-        0.0, "interface effort: amplitude of a torque that goes as the sine of the joint's position", unit="N m", ge=0.0
-    )
-    ripple_cycles: float = parameter(6.0, "cycles of the ripple per turn of the joint", gt=0.0)
+        0.0, "interface effort: amplitude of a torque that goes as the sine of six times the joint's position",
+        unit="N m", ge=0.0,
+    )  # fmt: skip
 
     def check(self, joints: int) -> None:
         """See `DriveModel.check`."""

@@ -15,12 +15,6 @@ class SlipFaultParams(ParameterModel):
     gain: float = parameter(1.0, "reading over truth; 0.7 to 0.93 was seen before calibration", runtime=True, gt=0.0)
     bias: Six = parameter(NO_BIAS, "constant added to readings, on pad axes", unit="m/s, rad/s", runtime=True)
     outlier_probability: float = parameter(0.0, "share of samples that are outliers", runtime=True, ge=0.0, le=1.0)
-    outlier_linear: float = parameter(
-        0.2, "standard deviation of the linear values of an outlier", unit="m/s", runtime=True, ge=0.0
-    )
-    outlier_angular: float = parameter(
-        5.0, "standard deviation of the angular values of an outlier", unit="rad/s", runtime=True, ge=0.0
-    )
     dropout_probability: float = parameter(0.0, "share of samples that are lost", runtime=True, ge=0.0, le=1.0)
     frozen: bool = parameter(False, "repeat the last reading under new stamps", runtime=True)
     invalid: bool = parameter(False, "the sensor reports that it does not measure: samples are NaN", runtime=True)
@@ -31,7 +25,6 @@ class SlipSensorParams(SlipSensorModel):
     """Slip velocity sensor, simulated."""
 
     saturation_linear: float = parameter(10.0, "largest linear reading of each axis", unit="m/s", gt=0.0)
-    saturation_angular: float = parameter(100.0, "largest angular reading of each axis", unit="rad/s", gt=0.0)
     flag_speed: float = parameter(
         1e-3, "slip_input flag: slip speed above which the sensor reports slip", unit="m/s", ge=0.0
     )
@@ -58,8 +51,6 @@ class WrenchSensorParams(WrenchSensorModel):
         (0.0, 0.0, 0.0), "rotation vector of a sensor that is mounted askew, on pad axes", unit="rad", runtime=True
     )
     bias: Six = parameter(NO_BIAS, "constant added to readings, on pad axes", unit="N, N m", runtime=True)
-    drift: Six = parameter(NO_BIAS, "growth of the bias since the first sample", unit="N/s, N m/s", runtime=True)
-    dropout_probability: float = parameter(0.0, "share of samples that are lost", runtime=True, ge=0.0, le=1.0)
     silent: bool = parameter(False, "publish nothing", runtime=True)
 
 

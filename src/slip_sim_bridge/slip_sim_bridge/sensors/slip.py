@@ -16,6 +16,8 @@ from slip_sim_bridge.sensors.params import SlipFaultParams, SlipSensorParams
 
 _INVALID = readonly(np.full(6, math.nan))
 _STILL = readonly(np.zeros(3))
+OUTLIER = readonly(np.array((0.2, 0.2, 0.2, 5.0, 5.0, 5.0)))
+"""Standard deviation of an outlier [m/s, rad/s]."""
 
 
 class SlipMeasurement:
@@ -31,7 +33,6 @@ class SlipMeasurement:
         self._params = params
         self._axes = slip_axes
         self._deviation = np.repeat((params.noise_linear, params.noise_angular), 3) * slip_axes
-        self._saturation = np.repeat((params.saturation_linear, params.saturation_angular), 3)
         self._noisy = bool(self._deviation.any())
         self._exact = max(params.quantum_linear, params.dead_band_linear, params.dead_band_angular) == 0.0
         self._rng = fault_rng
@@ -64,8 +65,7 @@ class SlipMeasurement:
                 return SlipSample(truth.stamp_ns, self._last)
             twist = self._read(truth.twist, noise)
             if chances[1] < faults.outlier_probability:
-                size = np.repeat((faults.outlier_linear, faults.outlier_angular), 3)
-                twist = self._digitise(size * odd * self._axes)
+                twist = self._digitise(OUTLIER * odd * self._axes)
         self._last = twist
         return truth if twist is truth.twist else SlipSample(truth.stamp_ns, twist, truth.valid)
 
@@ -81,8 +81,9 @@ class SlipMeasurement:
 
     def _digitise(self, twist: Array) -> Array:
         params = self._params
-        if (np.abs(twist) > self._saturation).any():
-            twist = np.clip(twist, -self._saturation, self._saturation)
+        if (np.abs(twist[:3]) > params.saturation_linear).any():
+            most = params.saturation_linear
+            twist = np.concatenate((np.clip(twist[:3], -most, most), twist[3:]))
         if self._exact:
             return twist
         if params.quantum_linear > 0.0:

@@ -28,7 +28,6 @@ _STREAMS = {
     "wrench": 1,
     "joint": 2,
     "slip faults": 3,
-    "wrench faults": 4,
 }  # never renumber: the numbers are part of what a seed means
 
 
@@ -153,7 +152,7 @@ class SensorSuite:
         measure: Any = self._measure_slip
         if params.slip_input == "flag":
             measure = FlagMeasurement(self._measure_slip, slip.flag_speed, params.friction.torsional_radius)
-        self._measure_wrench = WrenchMeasurement(wrench, stream("wrench faults"))
+        self._measure_wrench = WrenchMeasurement(wrench)
         self.slip: Sensor[SlipSample] = Sensor(measure, slip.rate_hz, slip.latency_s, stream("slip"))
         self.displacement: Sensor[Any] | None = None
         if params.slip_input == "displacement":
@@ -175,13 +174,10 @@ class WrenchMeasurement:
 
     Args:
         params: the sensor.
-        fault_rng: random stream of the losses.
     """
 
-    def __init__(self, params: WrenchSensorParams, fault_rng: np.random.Generator) -> None:
-        self._rng = fault_rng
+    def __init__(self, params: WrenchSensorParams) -> None:
         self.params = params
-        self._began_ns: int | None = None
 
     @property
     def params(self) -> WrenchSensorParams:
@@ -191,26 +187,23 @@ class WrenchMeasurement:
     @params.setter
     def params(self, params: WrenchSensorParams) -> None:
         self._params = params
-        self._bias, self._drift = np.array(params.bias), np.array(params.drift)
+        self._bias = np.array(params.bias)
         turn = np.array(params.rotation)
         half = 0.5 * float(np.linalg.norm(turn))
         axis_sine = 0.5 * np.sinc(half / math.pi) * turn
         self._axes = params.gain * matrix_from_quat_xyzw((*axis_sine, math.cos(half)))
-        self._exact = params.gain == 1.0 and not any((*params.rotation, *params.bias, *params.drift))
+        self._exact = params.gain == 1.0 and not any((*params.rotation, *params.bias))
         self._noisy = params.noise_force > 0.0 or params.noise_torque > 0.0
         self._deviation = np.repeat((params.noise_force, params.noise_torque), 3)
 
     def __call__(self, truth: WrenchSample, rng: np.random.Generator) -> WrenchSample | None:
         """Return the measured sample, or None where it is lost; noise is drawn from `rng`."""
         params, noise = self._params, rng.standard_normal(6) if self._noisy else None
-        if self._began_ns is None:
-            self._began_ns = truth.stamp_ns
-        if params.silent or (params.dropout_probability and self._rng.random() < params.dropout_probability):
+        if params.silent:
             return None
         if noise is None and self._exact:
             return truth
-        offset = self._bias + self._drift * ((truth.stamp_ns - self._began_ns) / _NS_PER_S)
-        wrench = (truth.wrench.reshape(2, 3) @ self._axes).ravel() + offset
+        wrench = (truth.wrench.reshape(2, 3) @ self._axes).ravel() + self._bias
         if noise is not None:
             wrench = wrench + self._deviation * noise
         return WrenchSample(truth.stamp_ns, wrench)

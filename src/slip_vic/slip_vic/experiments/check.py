@@ -40,7 +40,7 @@ def gain_table(scenario: Scenario, report: GainReport, sensor: str) -> Table:
     """Return the conditions on the gains."""
     params = next(iter(scenario.controllers.values()))  # the law is the same in all arms
     title = (
-        f"k_s configured {report.asked:g}, used {report.used:.6g} 1/s ({params.gains.k_s_mode}, {params.slip_estimator}"
+        f"k_s configured {report.asked:g}, used {report.used:.6g} of {report.accepted:.6g} 1/s ({params.slip_estimator}"
     )
     table = Table(title=f"{title}{', ' + sensor if sensor else ''})")
     for name in ("condition", "value", "limit", "margin", "verdict"):
@@ -48,7 +48,4 @@ def gain_table(scenario: Scenario, report: GainReport, sensor: str) -> Table:
     for c in report.conditions:
         verdict = "[green]holds[/]" if c.holds else "[red]fails[/]"
         table.add_row(c.name, f"{c.value:.6g}", f"{c.limit:.6g}", f"{c.margin:.3g}", verdict)
-    for name, (low, high) in (("lambda_1", report.lambda_1), ("lambda_2", report.lambda_2)):
-        empty = low >= high
-        table.add_row(name, f"{low:.4g}", f"{high:g}", "", "[red]empty[/]" if empty else "[green]between them[/]")
     return table

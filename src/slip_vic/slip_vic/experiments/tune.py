@@ -36,9 +36,7 @@ K_S_RANGE: Final = 20.0
 MARGIN: Final = (0.7, 1.0)
 LEVER_M: Final = 0.03
 """Length that makes turning in the grasp comparable with sliding, as gains.characteristic_length."""
-SEARCHED: Final = (
-    "gains.gamma_kp", "gains.gamma_ko", "gains.gamma_dp", "gains.gamma_do",
-)  # fmt: skip
+SEARCHED: Final = ("gains.gamma",)
 
 
 class Range(NamedTuple):

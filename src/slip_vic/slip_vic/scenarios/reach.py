@@ -63,8 +63,7 @@ def posture_for(robot: Robot, q: Array, position: Array, rotation: Array, home: 
 
 def pad_path(trajectory: TrajectoryParams, points: int = POINTS) -> tuple[Array, Array]:
     """Return times (k,) [s] and displacement with rotation vector (k, 6) [m, rad] {w} of a built-in trajectory."""
-    given = trajectory.waypoint_times_s
-    times = np.linspace(0.0, given[-1] if trajectory.kind == "waypoints" and given else trajectory.duration_s, points)
+    times = np.linspace(0.0, trajectory.duration_s, points)
     values = np.zeros((points, 6))
     sample_path(make_path(trajectory), times, values)
     return times, values

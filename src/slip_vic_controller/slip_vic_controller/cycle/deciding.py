@@ -126,7 +126,7 @@ def _count_wrench_as_good(config: ControllerConfig, state: ArmState, inputs: Cyc
     stamp_ns = state.joint.answers.stamp_ns
     for k in range(config.law.contacts):
         own = state.wrench_inputs[k]
-        own.seen, own.known, own.invalid, own.zeros, own.refused, own.ahead = 1, 1, 0, 0, 0, 0
+        own.seen, own.known, own.invalid, own.refused, own.ahead = 1, 1, 0, 0, 0
         own.stamp_ns, own.arrival_ns, own.equal_since_ns = stamp_ns, inputs.now_ns, stamp_ns
 
 
@@ -180,7 +180,7 @@ def _decide(
             state.joint.equal_since_ns = now_ns
     if inputs.request == Request.RESET_FAULT:
         clear_findings(state.estimate)  # what is still wrong is found again
-    measure_latency(state.latency, now_ns, sample.stamp_ns, now_ns - state.now_ns, config.cycle.late_ns)
+    measure_latency(state.latency, now_ns, sample.stamp_ns, now_ns - state.now_ns)
     request = _rest_before_hold(config, state, inputs.request, now_ns)
     reweighed = config.tare.duration_ns > 0 and not bad and tare(config, state, inputs, together)
     decision.reweighed = 1 if reweighed else 0

@@ -22,9 +22,7 @@ def gains_now(state: ArmState, stamp_ns: int, outputs: CycleOutputs) -> None:
 
 @part
 def adapt_slip_gain(config: ControllerConfig, state: ArmState, outputs: CycleOutputs) -> None:
-    """Lower k_s to what the measured delays allow, where it is free to be chosen."""
-    if config.cycle.k_s_adapts == 0:
-        return
+    """Lower k_s to what the measured delays allow."""
     held, late = whole_cycles(state.law.slip_latency, config.cycle.period_ns)
     if held != state.law.held or late != state.law.late:  # they seldom change
         state.law.held, state.law.late = held, late

@@ -124,8 +124,6 @@ def find_bad_inputs(config: ControllerConfig, state: ArmState, health: Health, f
     moves = state.observed.moves != 0 and at_work and unseen == 0
     if now_ns - state.now_ns > conditions.gap_ns and state.mode.mode != Mode.WAITING_INPUT:
         fault = Reason.NOT_RUN.value
-    elif state.latency.in_a_row >= conditions.late_after:
-        fault = Reason.LATE.value
     elif unseen > (conditions.unseen_ns if at_work else conditions.bridge_ns):
         fault = unseen_fault
     elif freezes and (moves or holds_for(state.mode, Reason.JOINT_STATE.value, Reason.FROZEN.value)):

@@ -1,10 +1,10 @@
-"""Which gains are safe: the sampled-data bound on k_s, and the conditions of Propositions 1 to 3 with their margins."""
+"""Which gains are safe: bounds by delays, and the conditions of Propositions 1 to 3 with their margins."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,23 +13,24 @@ from slip_core.compiled import INT, REAL, kernel
 from slip_core.errors import InputError
 from slip_core.types import AXES
 
-Mode = Literal["auto", "fixed"]
-
 
 class Condition(NamedTuple):
-    """One condition: its name, the value, the limit it is compared with, and the reason.
+    """One condition: its name, the value, the limit it is compared with, the reason, and the parameter to change.
 
-    margin: how many times better than needed; below 1 the condition does not hold.
-    parameter: what to change then; upper: whether the limit is the largest value that holds.
+    upper: whether the limit is the largest value that holds, else the smallest.
     """
 
     name: str
     value: float
     limit: float
-    margin: float
     reason: str
     parameter: str
     upper: bool = True
+
+    @property
+    def margin(self) -> float:
+        """How many times better than needed; below 1 the condition does not hold."""
+        return self.limit / self.value if self.upper else self.value / self.limit
 
     @property
     def holds(self) -> bool:
@@ -38,16 +39,11 @@ class Condition(NamedTuple):
 
 
 class GainReport(NamedTuple):
-    """Verdict on the gains: k_s as requested, as used and largest accepted [1/s]; lambdas; conditions.
-
-    lambda_1, lambda_2: intervals (open at both ends) from which Propositions 1 and 2 may choose; empty where low >= 1.
-    """
+    """Verdict on the gains: k_s as requested, as used and largest accepted [1/s]; conditions."""
 
     asked: float
     used: float
     accepted: float
-    lambda_1: tuple[float, float]
-    lambda_2: tuple[float, float]
     conditions: tuple[Condition, ...]
 
     @property
@@ -140,7 +136,7 @@ def judge_stiffness(stiffness: Array, damping: Array, inertia: Array, delay_s: f
             f"with {1e3 * delay_s:.3g} ms from a measurement to the motion that it causes the impedance swings from "
             f"there on about axis {axis}; more damping admits more"
         )
-        found.append(Condition(f"K_D {axis}", K, limit, limit / K, reason, "gains.stiffness"))
+        found.append(Condition(f"K_D {axis}", K, limit, reason, "gains.stiffness"))
     return tuple(found)
 
 
@@ -159,61 +155,20 @@ def _ticks(time_s: float, period_s: float) -> int:
     return math.ceil(time_s / period_s - 1e-6)
 
 
-def judge_gains(
-    damping: Array,
-    k_s: float,
-    mode: Mode,
-    *,
-    gain_margin: float,
-    control_period_s: float,
-    sensor_period_s: float,
-    latency_s: float,
-    refuse: bool = False,
-) -> GainReport:
-    """Judge the gains, and clamp k_s where `mode` is auto.
+def judge_gains(damping: Array, k_s: float) -> tuple[Condition, ...]:
+    """Judge damping (6,) [N s/m, N m s/rad] and k_s [1/s] by the propositions of the paper.
 
-    Args:
-        damping: diagonal of D_D; (6,) [N s/m, N m s/rad].
-        k_s: requested [1/s].
-        mode: auto uses the smaller of `k_s` and what is accepted; with fixed a larger one does not hold.
-        gain_margin: how far below the stability limit k_s must stay.
-        control_period_s, sensor_period_s, latency_s: of the slip loop [s]; with an observer the sensor's are 0.
-        refuse: whether a condition that does not hold is an error.
-
-    Raises:
-        InputError: where `refuse`, a fixed k_s beyond the bound, or no lambda for a proposition.
+    Proposition k needs a lambda_k with 1/value < lambda_k < 1, and Proposition 3 lambda_1 lambda_2 < 1: all are there
+    where both values are above 1.
     """
-    limit = slip_gain_limit(control_period_s, sensor_period_s, latency_s)
-    accepted = limit / gain_margin
-    # Rounding must not refuse the number that an earlier refusal has named.
-    used = min(k_s, accepted) if mode == "auto" else k_s
-    least = float(np.min(damping))
-    lambda_1, lambda_2 = (1.0 / least, 1.0), (1.0 / used, 1.0)
-    product = lambda_1[0] * lambda_2[0]
-    conditions = (
+    reason = "Prop. {0}: {1} > 1/lambda_{0} needs a lambda_{0} below 1"
+    return (
         Condition(
-            "k_s sampled", used, accepted, accepted * (1.0 + ROUNDING) / used,
-            f"stable below {limit:.6g} 1/s with a control period of {1e3 * control_period_s:g} ms, a slip sample every "
-            f"{1e3 * max(sensor_period_s, control_period_s):g} ms and {1e3 * latency_s:g} ms late, drives included; "
-            f"a gain margin of {gain_margin:g} is kept", "gains.k_s",
+            "D_D (Prop. 1)", float(np.min(damping)), 1.0, reason.format(1, "lambda_min(D_D)"), "gains.damping",
+            upper=False,
         ),
-        Condition(
-            "D_D (Prop. 1)", least, 1.0, least, "Prop. 1: lambda_min(D_D) > 1/lambda_1 needs a lambda_1 below 1",
-            "gains.damping", upper=False,
-        ),
-        Condition(
-            "k_s (Prop. 2)", used, 1.0, used, "Prop. 2: k_s > 1/lambda_2 needs a lambda_2 below 1",
-            "gains.k_s", upper=False,
-        ),
-        Condition(
-            "small gain (Prop. 3)", product, 1.0, 1.0 / product,
-            "Prop. 3: lambda_1 lambda_2 < 1, with the smallest that Prop. 1 and 2 allow", "gains.damping",
-        ),
+        Condition("k_s (Prop. 2)", k_s, 1.0, reason.format(2, "k_s"), "gains.k_s", upper=False),
     )  # fmt: skip
-    report = GainReport(k_s, used, accepted, lambda_1, lambda_2, conditions)
-    if refuse:
-        check(report.conditions)
-    return report
 
 
 def check(conditions: Iterable[Condition]) -> None:
@@ -226,7 +181,3 @@ def check(conditions: Iterable[Condition]) -> None:
                 expected=f"{'at most' if condition.upper else 'more than'} {condition.limit:.6g}",
                 fix=condition.reason,
             )
-
-
-ROUNDING = 1e-5
-"""A k_s typed with the six digits of the message that refused the last one is accepted."""

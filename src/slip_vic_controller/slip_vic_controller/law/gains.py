@@ -16,7 +16,7 @@ import numpy as np
 from slip_core.arrays import Array, inertia_from_six, vector
 from slip_core.compiled import IN1, INT, OUT1, VOID, kernel, part
 from slip_core.records import Mat3, Real, Record, Vec3, Vec6, Whole, dtype_of, new, record
-from slip_vic_controller.law.bounds import Condition, GainReport, check, judge_gains, judge_stiffness
+from slip_vic_controller.law.bounds import Condition, GainReport, check, judge_gains, judge_stiffness, slip_gain_limit
 from slip_vic_controller.params.controller_params import ControllerParams, GainParams
 
 UNKNOWN_LAG = 0.3
@@ -123,8 +123,7 @@ def fill_gains(params: GainParams, slip_axes: Array, k_s: float, gains: Gains, *
     bounded = params.spin == "bounded"
     turning = 0.0 if bounded else on
     gains.K_D[:], gains.D_D[:], gains.M_D[:] = params.stiffness, params.damping, params.inertia
-    gains.gamma_k[:] = [on * params.gamma_kp] * 3 + [turning * params.gamma_ko] * 3
-    gains.gamma_d[:] = [on * params.gamma_dp] * 3 + [turning * params.gamma_do] * 3
+    gains.gamma_k[:] = gains.gamma_d[:] = [on * params.gamma] * 3 + [turning * params.gamma] * 3
     gains.alpha, gains.k_s, gains.kappa = on * params.alpha, k_s, params.kappa
     gains.characteristic_length = params.characteristic_length if bounded else 1.0
     ratio = (gains.K_D / gains.M_D)[3:][slip_axes[3:] > 0.0]
@@ -137,26 +136,19 @@ def gain_report(params: ControllerParams, *, refuse: bool = True) -> GainReport:
     An observer takes those of the sensor out, and the prediction of the slip those of the drives, as far as known.
 
     Raises:
-        InputError: where `refuse`, a k_s that is fixed beyond its bound, damping for which a proposition has no lambda,
-            or a stiffness that the delays do not admit.
+        InputError: where `refuse`, damping or a k_s for which a proposition has no lambda, or a stiffness that the
+            delays do not admit.
     """
     direct, unknown = params.slip_estimator == "measured", UNKNOWN_LAG if params.foresees_slip else 1.0
     real = params.estimates_joints and params.bounded_authority
     lag_s = max(unknown * params.drive_lag_s, LEAST_DELAY_S if real else 0.0)
-    report = judge_gains(
-        np.array(params.gains.damping),
-        params.gains.k_s,
-        params.gains.k_s_mode,
-        gain_margin=params.gains.k_s_margin,
-        control_period_s=params.control_period_s,
-        sensor_period_s=params.slip_sensor.period_s if direct else 0.0,
-        latency_s=(params.slip_sensor.latency_s if direct else 0.0) + lag_s,
-        refuse=refuse and params.controller != "classical",  # without a slip loop none is unsafe
-    )
-    stiff = judge_impedance(params)
+    sensor_period_s, latency_s = (params.slip_sensor.period_s, params.slip_sensor.latency_s) if direct else (0.0, 0.0)
+    accepted = slip_gain_limit(params.control_period_s, sensor_period_s, latency_s + lag_s) / params.gains.k_s_margin
+    used = min(params.gains.k_s, accepted)
+    propositions, stiff = judge_gains(np.array(params.gains.damping), used), judge_impedance(params)
     if refuse:
-        check(stiff)
-    return report._replace(conditions=(*report.conditions, *stiff))
+        check(stiff if params.controller == "classical" else (*propositions, *stiff))  # it has no slip loop
+    return GainReport(params.gains.k_s, used, accepted, (*propositions, *stiff))
 
 
 def judge_impedance(params: ControllerParams) -> tuple[Condition, ...]:

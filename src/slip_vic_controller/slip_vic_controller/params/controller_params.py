@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from typing import Literal
 
@@ -15,7 +14,7 @@ from slip_core.params import ParameterModel, parameter, parameter_unit, range_of
 from slip_vic_controller.params.arm_params import DisturbanceParams, JointSensorConfig, TareParams
 from slip_vic_controller.params.interface_params import CommandParams, EffortParams, GripParams, WrenchParams
 from slip_vic_controller.params.safety_params import SafetyParams
-from slip_vic_controller.params.slip_params import MeasuredParams, WrenchSensorModel
+from slip_vic_controller.params.slip_params import WrenchSensorModel
 
 FOLLOWED = 2.5
 """Phase [rad] that the drives' lag may cost at the crossover of the impedance: the estimate takes it out as far as the
@@ -38,21 +37,17 @@ class GainParams(ParameterModel):
     inertia: Six = parameter(
         (0.4, 0.4, 0.4, 0.3, 0.3, 0.3), "M_D, x y z then about x y z", unit="kg, kg m2", runtime=True
     )
-    gamma_kp: float = parameter(100.0, "fading of linear stiffness with slip", unit="s/m", runtime=True, ge=0.0)
-    gamma_ko: float = parameter(100.0, "fading of angular stiffness with slip", unit="s/rad", runtime=True, ge=0.0)
-    gamma_dp: float = parameter(100.0, "fading of linear damping with slip", unit="s/m", runtime=True, ge=0.0)
-    gamma_do: float = parameter(100.0, "fading of angular damping with slip", unit="s/rad", runtime=True, ge=0.0)
+    gamma: float = parameter(
+        100.0, "fading of stiffness and damping with slip, axis by axis", unit="s/m, s/rad", runtime=True, ge=0.0
+    )
     alpha: float = parameter(
         100.0, "steepness of the slip activation tanh(alpha |v_s|)", unit="s/m", runtime=True, gt=0.0
     )
     k_s: float = parameter(
         1000.0, "decay rate of slip while the slip activation is near 1", unit="1/s", runtime=True, gt=0.0
     )
-    k_s_mode: Literal["auto", "fixed"] = parameter(
-        "auto", "what happens to a k_s above the limit that delays set: auto uses the limit, fixed refuses to start"
-    )
     k_s_margin: float = parameter(
-        2.0, "gain margin of the slip loop: the accepted k_s is its stability limit divided by this", ge=1.0
+        2.0, "gain margin of the slip loop: k_s is used up to its stability limit divided by this", ge=1.0
     )
     spin: Literal["follow", "bounded"] = parameter(
         "follow", "attitude in slip: follow the object's spin (the printed law), or only as far as spin_excursion"
@@ -187,10 +182,7 @@ class TrajectoryParams(ParameterModel):
         (0.0, 0.0, 0.0), "quintic: rotation vector; circle and lemniscate: its amplitude", unit="rad"
     )
     waypoints: tuple[float, ...] = parameter(
-        (), "waypoints: x y z rx ry rz per point, without the start", unit="m, rad"
-    )
-    waypoint_times_s: tuple[float, ...] = parameter(
-        (), "waypoints: time of each; empty = evenly over duration_s", unit="s"
+        (), "waypoints: x y z rx ry rz per point, without the start; reached evenly over duration_s", unit="m, rad"
     )
     plane: Literal["xy", "yz", "zx"] = parameter(
         "xy", "circle, lemniscate: plane on world axes; the motion starts along the first axis"
@@ -209,9 +201,6 @@ class TrajectoryParams(ParameterModel):
             count, rest = divmod(len(self.waypoints), 6)
             if count < 1 or rest:
                 raise ValueError(f"waypoints has {len(self.waypoints)} values, expected 6 for each point, at least one")
-            times = self.waypoint_times_s
-            if times and (len(times) != count or times[0] <= 0.0 or any(b <= a for a, b in itertools.pairwise(times))):
-                raise ValueError(f"waypoint_times_s {list(times)}: {count} growing positive times are needed")
         return self
 
 
@@ -242,7 +231,8 @@ class ControllerParams(ArmParams):
         0.0, "time by which the stamps of the slip input are later than the measurement", unit="s", ge=0.0
     )
     slip_estimator: Literal["measured", "observer"] = parameter(
-        "measured", "slip velocity of the law: newest sample (with dead band 0 the printed law), or observer"
+        "measured",
+        "slip velocity of the law: newest sample beyond the dead band of slip_sensor (0: the printed law), or observer",
     )
     slip_sensor: SlipSensorModel = Field(default_factory=SlipSensorModel)
     wrench_sensor: WrenchSensorModel = Field(default_factory=WrenchSensorModel)
@@ -254,7 +244,6 @@ class ControllerParams(ArmParams):
     wrench: WrenchParams = Field(default_factory=WrenchParams)
     effort: EffortParams = Field(default_factory=EffortParams)
     grip: GripParams = Field(default_factory=GripParams)
-    measured: MeasuredParams = Field(default_factory=MeasuredParams)
     governor: GovernorParams = Field(default_factory=GovernorParams)
     nullspace: NullspaceParams = Field(default_factory=NullspaceParams)
     singularity: SingularityParams = Field(default_factory=SingularityParams)

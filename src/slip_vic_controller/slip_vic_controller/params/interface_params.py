@@ -38,13 +38,6 @@ class WrenchParams(ParameterModel):
         0.0, "mass between sensor and pad, whose weight is taken out of the wrench", unit="kg", ge=0.0
     )
     tool_com: Three = parameter((0.0, 0.0, 0.0), "its centre of mass as seen from ee_frame, on its axes", unit="m")
-    zero_after: int = parameter(
-        0,
-        "samples in a row with all numbers zero after which the wrench is invalid, as drivers send near singularities; "
-        "0 = zero is a wrench like any other",
-        ge=0,
-        le=1_000_000,
-    )
 
 
 class EffortParams(ParameterModel):
@@ -68,9 +61,6 @@ class CommandParams(ParameterModel):
         10.0, "interfaces velocity and position: largest acceleration of the command of each joint", unit="rad/s^2",
         gt=0.0, le=1e4,
     )  # fmt: skip
-    jerk_limit: float = parameter(
-        5e3, "interfaces velocity and position: largest change of that acceleration", unit="rad/s^3", gt=0.0, le=1e7
-    )
 
 
 class GripParams(GripperModel):
@@ -82,7 +72,4 @@ class GripParams(GripperModel):
     )  # fmt: skip
     force_limit: float = parameter(10.0, "control follow: largest grip that is commanded", unit="N", gt=0.0)
     command_rate: float = parameter(100.0, "control follow: largest change of the command", unit="N/s", gt=0.0)
-    preview_s: float = parameter(
-        0.15, "control follow: how far ahead on the path the load is looked for; at least lag_s", unit="s", ge=0.0
-    )
     margin: float = parameter(0.8, "control follow: share of the friction that the load may take", gt=0.0, le=1.0)

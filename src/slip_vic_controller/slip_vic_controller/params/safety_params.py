@@ -34,45 +34,17 @@ class LimitParams(ParameterModel):
     )
 
 
-class WatchParams(ParameterModel):
-    """Validation of one input."""
-
-    age_s: float = parameter(0.05, "age above which the newest sample is not used", unit="s", gt=0.0)
-
-
-class WrenchWatchParams(WatchParams):
-    """Limits of the wrench."""
-
-    force: float = parameter(1000.0, "force above which a sample is rejected", unit="N", gt=0.0)
-    torque: float = parameter(200.0, "torque above which a sample is rejected", unit="N m", gt=0.0)
-
-
-class SlipWatchParams(WatchParams):
-    """Limits of the slip velocity."""
-
-    age_s: float = parameter(0.15, "age above which the newest sample is not used", unit="s", gt=0.0)
-    linear: float = parameter(5.0, "linear slip speed above which a sample is rejected", unit="m/s", gt=0.0)
-    angular: float = parameter(100.0, "angular slip speed above which a sample is rejected", unit="rad/s", gt=0.0)
-
-
-class JointWatchParams(WatchParams):
-    """Limits of the joint state; positions and velocities are judged against the URDF's limits."""
-
-    late_s: float = parameter(
-        0.0,
-        "time from stamp to answer, above the smallest one seen, that is too late for the law; 0 = not checked, "
-        "because the stamps of a simulation fall behind where the machine is too slow for it",
-        unit="s",
-        ge=0.0,
-    )
-
-
 class InputParams(ParameterModel):
-    """Plausibility of the inputs."""
+    """Plausibility of the inputs; positions and velocities of the joints are judged against the URDF's limits."""
 
-    joint: JointWatchParams = Field(default_factory=JointWatchParams)
-    wrench: WrenchWatchParams = Field(default_factory=WrenchWatchParams)
-    slip: SlipWatchParams = Field(default_factory=SlipWatchParams)
+    age_s: float = parameter(0.05, "age above which the newest joint state or wrench is not used", unit="s", gt=0.0)
+    slip_age_s: float = parameter(0.15, "age above which the newest slip velocity is not used", unit="s", gt=0.0)
+    force: float = parameter(1000.0, "force above which a wrench is rejected", unit="N", gt=0.0)
+    torque: float = parameter(200.0, "torque above which a wrench is rejected", unit="N m", gt=0.0)
+    slip_linear: float = parameter(5.0, "linear speed above which a slip velocity is rejected", unit="m/s", gt=0.0)
+    slip_angular: float = parameter(
+        100.0, "angular speed above which a slip velocity is rejected", unit="rad/s", gt=0.0
+    )
     frozen_s: float = parameter(
         0.1, "longest time for which values may stay exactly equal while the arm moves", unit="s", gt=0.0
     )
@@ -118,7 +90,6 @@ class SafetyParams(ParameterModel):
         ge=0.0,
     )
     auto_enable: bool = parameter(True, "go to ACTIVE as soon as the inputs are good; false waits for ~/enable")
-    auto_resume: bool = parameter(True, "return from a HOLD that an input caused; false waits for ~/enable")
     resume_after_s: float = parameter(
         0.1, "how long inputs must be good before the controller returns from HOLD by itself", unit="s", ge=0.0
     )

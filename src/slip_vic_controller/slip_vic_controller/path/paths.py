@@ -331,8 +331,6 @@ def make_path(params: TrajectoryParams) -> Array:
     elif params.kind == "waypoints":
         points = np.vstack([np.zeros(6), np.array(params.waypoints).reshape(-1, 6)])
         times = np.linspace(0.0, params.duration_s, len(points))
-        if params.waypoint_times_s:
-            times = np.array([0.0, *params.waypoint_times_s])
         from scipy.interpolate import CubicSpline  # 14 MiB, for way points alone
 
         spline = CubicSpline(times, points, bc_type="clamped")

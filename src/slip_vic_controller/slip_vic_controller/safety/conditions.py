@@ -138,7 +138,6 @@ class Reason(IntEnum):
         "was not answered for too long",
         "The computer was busy: real-time priority (`--fifo`), a free core (`--cpu`).",
     )
-    LATE = (20, _SAMPLE, "is late", "Stamps and arrivals drift apart: clock, network or a full queue.")
     OTHER_ARM = (
         21,
         _SAMPLE,
@@ -471,7 +470,6 @@ class ConditionsConfig(Record):
     bridge_ns: Whole  # how long the law continues where the model has an arm that is not measured
     unseen_ns: Whole  # the same, with the time in which the path comes to rest
     gap_ns: Whole  # pause of the controller itself that is too long
-    late_after: Whole  # late answers in a row
     slip_needed: Whole  # whether the law needs the slip velocity
 
 

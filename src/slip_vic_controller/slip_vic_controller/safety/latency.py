@@ -26,7 +26,6 @@ class Latency(Record):
     least_ns: Whole  # least time from stamp to answer
     last_ns: Whole  # what the last one had above it
     most_ns: Whole  # the most of late
-    in_a_row: Whole  # how many in a row were too late
 
 
 LATENCY = dtype_of(Latency)
@@ -47,16 +46,15 @@ SLIP_LATENCY = dtype_of(SlipLatency)
 @part
 def forget_latency(state: Latency) -> None:
     """Restart."""
-    state.known, state.least_ns, state.last_ns, state.most_ns, state.in_a_row = 0, 0, 0, 0, 0
+    state.known, state.least_ns, state.last_ns, state.most_ns = 0, 0, 0, 0
 
 
 @part
-def measure_latency(state: Latency, now_ns: int, stamp_ns: int, dt_ns: int, late_ns: int) -> None:
+def measure_latency(state: Latency, now_ns: int, stamp_ns: int, dt_ns: int) -> None:
     """Take in that a joint state of `stamp_ns` is answered at `now_ns`, `dt_ns` after the one before.
 
     One-way delay above its minimum. A single late answer is the machine's hiccup and does not count: two in a row do.
     While answers are late the least time stays as it is, or a lasting delay would be taken for a clock that drifts.
-    late_ns: what is too late for the law; 0 = nothing.
     """
     took_ns = now_ns - stamp_ns
     least = state.least_ns if state.known != 0 else took_ns
@@ -66,7 +64,6 @@ def measure_latency(state: Latency, now_ns: int, stamp_ns: int, dt_ns: int, late
     last = took_ns - least
     sure = min(last, state.last_ns)
     fading = state.most_ns - round(state.most_ns * min(1.0, dt_ns * 1e-9 / DECAY_S))
-    state.in_a_row = state.in_a_row + 1 if 0 < late_ns <= sure else 0
     state.known, state.least_ns, state.last_ns, state.most_ns = 1, least, last, max(sure, fading)
 
 

@@ -62,7 +62,6 @@ class ModePolicy(Record):
     """When the law may begin."""
 
     auto_enable: Whole  # see the parameters
-    auto_resume: Whole  # see the parameters
     resume_after_ns: Whole  # how long what spoke against the law must be gone
 
 
@@ -132,10 +131,9 @@ def next_mode(policy: ModePolicy, state: ModeState, why: Why, request: int, now_
     if severity == Severity.WAITING_INPUT:
         _go(state, Mode.WAITING_INPUT, why, now_ns, enabled, NEVER)
     elif severity == Severity.HOLD:
-        resumes = policy.auto_resume != 0 or not follows(state.mode)
         if request == Request.HOLD or (_asked(before) and not enabled):
             why = prefixed(why, Prefix.ASKED_AND.value)
-        _go(state, Mode.HOLD, why, now_ns, enabled and resumes, NEVER)
+        _go(state, Mode.HOLD, why, now_ns, enabled, NEVER)
     elif not enabled:
         if request == Request.HOLD or _asked(before):
             before = because(Reason.ASKED.value, 0)

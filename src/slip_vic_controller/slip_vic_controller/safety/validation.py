@@ -42,7 +42,6 @@ class VectorLimits(Record):
     linear: Real  # N or m/s; magnitude above which a sample is absurd
     angular: Real  # N m or rad/s
     zero_is_normal: Whole  # whether zero may stay permanently, as a slip velocity does
-    zero_after: Whole  # samples in a row that are zero until they are invalid, 0 = never
 
 
 class VectorInput(Record):
@@ -56,7 +55,6 @@ class VectorInput(Record):
     equal_since_ns: Whole  # stamp since when the values are equal to the last bit
     invalid: Whole  # whether the sensor reports it now
     ahead: Whole  # stamps in a row that are ahead of the joint state's
-    zeros: Whole  # samples in a row that are zero
     refused: Whole  # Reason of the last one that was not finite or absurd
     refused_ns: Whole  # its arrival
     counts: Annotated[WholeArray, SAMPLE_FAULTS]  # how often each Reason was seen
@@ -204,10 +202,6 @@ def receive_vector(
         joint: state of the joint state's input.
     """
     fault = Reason.REFUSED.value if refused else classify_vector(limits, state, stamp_ns, values, valid, joint)
-    if limits.zero_after != 0 and fine(fault):
-        state.zeros = 0 if values.any() else state.zeros + 1
-        if state.zeros >= limits.zero_after:
-            fault = Reason.INVALID.value
     state.ahead = state.ahead + 1 if fault == Reason.FUTURE else 0
     if fine(fault):
         if state.known == 0 or not _same(values, state.values):

@@ -35,7 +35,7 @@ WRIST_SHARE, ROTOR = 0.1, 1e-3
 rotor. Inertia that one has behind its gears at least [kg m2]; with 0.2 of it the laws already work as with 20 times."""
 _ROUNDED = 9
 _LENGTHS = {"displacement", "rotation", "waypoints", "radius"}
-_TIMES = {"start_s", "duration_s", "waypoint_times_s", "period_s", "ramp_s"}
+_TIMES = {"start_s", "duration_s", "period_s", "ramp_s"}
 
 
 _ALWAYS = (

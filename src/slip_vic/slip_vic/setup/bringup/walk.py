@@ -127,10 +127,10 @@ class Walk:
         heard = system.listen(LISTENED_S)
         inputs, hz = params.safety.inputs, 1.0 / params.control_period_s
         bounds = (1.0 - RATE_SLACK) * hz, (1.0 + RATE_SLACK) * hz
-        yield stream("joint_states", heard.joints, *bounds, inputs.joint.age_s)
+        yield stream("joint_states", heard.joints, *bounds, inputs.age_s)
         if self._has_wrench:
-            yield stream("wrench", heard.wrench, 2.0 / inputs.wrench.age_s, math.inf, inputs.wrench.age_s)
-        yield stream("slip", heard.slip, 2.0 / inputs.slip.age_s, math.inf, inputs.slip.age_s)
+            yield stream("wrench", heard.wrench, 2.0 / inputs.age_s, math.inf, inputs.age_s)
+        yield stream("slip", heard.slip, 2.0 / inputs.slip_age_s, math.inf, inputs.slip_age_s)
         yield self._rest(heard)
         if self._has_wrench:
             yield self._weighed(heard)
@@ -184,7 +184,7 @@ class Walk:
             (math.isnan(offset), "the slip sensor reports that it does not measure: see its own messages"),
             (
                 not offset < SLIP_OFFSET,
-                "the slip sensor reads slip where there is none: calibrate it, or set measured.dead_band_linear",
+                "the slip sensor reads slip where there is none: calibrate it, or set slip_sensor.dead_band_linear",
             ),
             (not force < most, "filter the wrench in its driver, or grip harder and set governor.friction_limit"),
         )
