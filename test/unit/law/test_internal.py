@@ -3,17 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
-from slip_core.errors import InputError
-from slip_core.params import build
-from slip_core.records import record
-from slip_description import urdf_text
-from slip_vic_controller.arm.robot import Robot
-from slip_vic_controller.config import make_config
-from slip_vic_controller.law.bounds import INTERNAL_BOUND, internal_gain_limit
-from slip_vic_controller.params.controller_params import ControllerParams
-from slip_vic_controller.state import CONFIG
 from test.referees.law_referee import grasp_matrix_parts
 from test.support.law_cases import Case, random_case
 
@@ -77,14 +67,3 @@ def test_the_pad_gives_way_by_kappa_over_M_D_and_one_contact_has_nothing_interna
     expected = 0.5 * (np.kron(np.eye(2), giving.arm.rotation) @ b.h_int) / giving.gains.gains.M_D
     np.testing.assert_allclose(b.a_C - a.a_C, expected, atol=1e-12 * np.abs(b.a_C).max())
     assert not random_case(3, kappa=0.5).evaluate().h_int.any()
-
-
-def test_kappa_beyond_the_bound_of_the_control_period_is_refused() -> None:
-    robot = Robot(urdf_text(), "ee", [f"arm_joint{i}" for i in range(1, 8)])
-    most = internal_gain_limit(0.4, 2.0e4, 0.004)
-    assert most * 2.0e4 * 0.004**2 / 0.4 == pytest.approx(INTERNAL_BOUND)
-    values = CONTACTS | {"control_period_s": 0.004, "gains.k_s": 100.0, "gains.kappa": 0.99 * most}
-    config = make_config(build(ControllerParams, values, "test"), robot, lockstep=True)
-    assert record(config, CONFIG).gains.gains.kappa == 0.99 * most
-    with pytest.raises(InputError, match=r"gains\.kappa.*at most"):
-        make_config(build(ControllerParams, values | {"gains.kappa": 1.01 * most}, "test"), robot, lockstep=True)
