@@ -1,19 +1,15 @@
 """Message definitions for the bag: the ``ros2msg`` schema text of a type.
 
-They are read where the message package is installed: beside the imported package (wheels, conda), in the overlays of
-AMENT_PREFIX_PATH (ROS, colcon), or under `sys.prefix`.
+They are read where the message package is installed, as `find_file` finds it.
 """
 
 from __future__ import annotations
 
 import functools
-import os
 import re
-import sys
-from pathlib import Path
 from typing import Final
 
-from slip_core.errors import InputError
+from slip_core.files.resources import read_text
 from slip_msgs_py.qos import message_class
 
 _DELIMITER: Final = "\n" + "=" * 80 + "\nMSG: "
@@ -31,7 +27,7 @@ def find_definition(type_name: str) -> str:
     def expand(package: str, name: str) -> str:
         seen.add(f"{package}/{name}")
         kind = message_class(f"{package}/msg/{name}")
-        parts = [_read(package, name, kind)]
+        parts = [read_text(f"package://{package}/msg/{name}.msg", f"message type {package}/msg/{name}")]
         for dependency in sorted(set(re.findall(r"\w+/\w+", " ".join(kind.get_fields_and_field_types().values())))):
             if dependency not in seen:
                 parts.append(_DELIMITER + dependency + "\n" + expand(*dependency.split("/")))
@@ -39,18 +35,3 @@ def find_definition(type_name: str) -> str:
 
     package, _, name = type_name.partition("/msg/")
     return expand(package, name)
-
-
-def _read(package: str, name: str, kind: type) -> str:
-    relative = Path("share", package, "msg", f"{name}.msg")
-    prefixes = [*Path(sys.modules[kind.__module__].__file__ or "").parents]
-    prefixes += [Path(entry) for entry in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if entry]
-    for prefix in (*prefixes, Path(sys.prefix)):
-        if (prefix / relative).is_file():
-            return (prefix / relative).read_bytes().decode("utf-8")
-    raise InputError(
-        f"message type {package}/msg/{name}",
-        got=f"no {relative}",
-        expected="an installed message package",
-        fix=f"install {package} or source the workspace that has it",
-    )

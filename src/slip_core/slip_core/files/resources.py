@@ -82,14 +82,15 @@ def add_package(text: str) -> None:
 
 
 def _folders(package: str) -> Iterator[Path]:
-    """Yield the folders that a package may be in, those that were named by --package first."""
+    """Yield the folders that a package may be in: those named by --package, then of ROS, then of Python."""
     given = (item.partition("=") for item in os.environ.get(PACKAGES, "").split(os.pathsep))
     candidates = [Path(folder) for name, _, folder in given if name == package]
     prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
     candidates += [Path(prefix, "share", package) for prefix in prefixes if prefix]
-    yield from (candidate for candidate in candidates if candidate.is_dir())
     try:
         spec = importlib.util.find_spec(package) if package.isidentifier() else None
     except (ImportError, ValueError):
         spec = None
-    yield from (Path(folder) for folder in (spec.submodule_search_locations if spec else None) or ())
+    inside = [Path(folder) for folder in (spec.submodule_search_locations if spec else None) or ()]
+    beside = (parent / "share" / package for folder in inside for parent in folder.parents)  # of wheels and conda
+    yield from (candidate for candidate in (*candidates, *inside, *beside) if candidate.is_dir())

@@ -58,7 +58,6 @@ class JointSensorParams(JointSensorModel):
     """Joint encoders. A joint state comes at every tick, because it starts the tick; its values may be old."""
 
     velocity: bool = parameter(True, "whether joint states have velocities; without them they are NaN")
-    bias_position: tuple[float, ...] = parameter((), "constant added to each position; empty = none", unit="rad")
 
 
 class SensorsParams(ParameterModel):

@@ -82,10 +82,9 @@ class JointSensor:
     def __init__(self, params: JointSensorParams, rng: np.random.Generator) -> None:
         self._params, self._rng = params, rng
         self._held = params.rate_hz > 0.0 or params.latency_s > 0.0
-        self._bias = np.array(params.bias_position) if params.bias_position else None
         noisy = params.noise_position > 0.0 or params.noise_velocity > 0.0
         exact = params.quantum_position == 0.0 and params.velocity_filter_hz == 0.0 and params.velocity
-        self._ideal = not self._held and self._bias is None and not noisy and exact
+        self._ideal = not self._held and not noisy and exact
         self._source: Sensor[JointSample] = Sensor(lambda truth, _rng: truth, params.rate_hz, params.latency_s, rng)
         self._newest: JointSample | None = None
         self._read: tuple[JointSample, Array, Array] | None = None
@@ -95,7 +94,7 @@ class JointSensor:
     def update(self, truth: JointSample) -> JointSample:
         """Return the measured joint state of this tick; the effort is the applied one.
 
-        White noise, bias and quantum on positions [rad]; velocities [rad/s] by the filter from these positions, where
+        White noise and quantum on positions [rad]; velocities [rad/s] by the filter from these positions, where
         there is one, and with white noise.
         """
         if self._ideal:
@@ -111,8 +110,6 @@ class JointSensor:
         size = truth.position.size
         position = source.position + noise_position * self._rng.standard_normal(size)
         noise = noise_velocity * self._rng.standard_normal(size)
-        if self._bias is not None:
-            position += self._bias
         if self._params.quantum_position > 0.0:
             position = self._params.quantum_position * np.round(position / self._params.quantum_position)
         velocity = source.velocity + noise

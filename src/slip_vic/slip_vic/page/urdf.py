@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterator
+from dataclasses import fields
 from typing import Any, Final
 from xml.etree.ElementTree import Element
 
@@ -37,13 +38,7 @@ def links_of(urdf: str, packer: Packer) -> tuple[list[dict[str, Any]], list[str]
     missing: list[str] = []
     links = [
         {
-            "name": link.name,
-            "parent": link.parent,
-            "joint": link.joint,
-            "kind": link.kind,
-            "axis": link.axis,
-            "position": link.position,
-            "quaternion": link.quaternion,
+            **{field.name: getattr(link, field.name) for field in fields(link) if field.name != "element"},
             "shapes": list(_shapes(link.element, colours, packer, missing)),
         }
         for link in tree
