@@ -6,14 +6,14 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from slip_core.compiled import BOOL, IN1, IN2, INT, OUT1, REAL, VOID, kernel, part
+from slip_core.compiled import IN1, IN2, INT, OUT1, REAL, VOID, kernel, part
 from slip_core.records import Mat3, Real, Record, Vec3, dtype_of, new, record
 from slip_core.vectors import ZERO, Spatial, Vec, mat, put_spatial, spatial, vec
 from slip_vic_controller.contact.friction_estimate import Friction, remember, slip_sample
 from slip_vic_controller.governor import governor as g
 from slip_vic_controller.governor.guard import hold_back
 from slip_vic_controller.governor.layouts import GOVERNOR, GOVERNOR_CONFIG, PAD
-from slip_vic_controller.governor.load import ALONE, Held, load, size, surface
+from slip_vic_controller.governor.load import ALONE, Held, load, size
 from slip_vic_controller.governor.plan import GRID_POINTS, PATH_GRID, Governing, along, sample_time
 from slip_vic_controller.governor.step import Pad
 
@@ -44,10 +44,11 @@ def configuration(case, **changes):
     config = record(buffer, GOVERNOR_CONFIG)
     config.mode, config.margin, config.path_margin, config.given_up = Governing.SLOW_DOWN, 0.95, 0.97, 0.985
     config.radius, config.slip_axes[:], config.gravity[:] = case.radius, case.axes, case.gravity
+    config.weights[:3], config.weights[3:] = case.axes[:3], case.axes[3:] / case.radius
     config.duration, config.length, config.floor, config.most_grip = 2.0, 0.1, 0.05, 1.0
     config.most_speed = config.most_turning = 1e3
     config.window, config.led = 1, 1
-    e = config.estimate
+    e = config.friction
     e.friction, e.configured, e.kept, e.least, e.probe = Friction.LEARNT, case.force, 0.95, 0.02 * case.force, 0.01
     e.threshold, e.quiet_ns, e.sensor_delay_ns, e.trust = 5e-5, 50_000_000, 0, 0.5
     e.friction = changes.pop("estimator", e.friction)
@@ -69,15 +70,14 @@ OBJECT = dtype_of(Grasped)
 
 
 @part
-def _held(grasped):
-    return Held(grasped.mass, mat(grasped.inertia), vec(grasped.r), ALONE)
+def _held(c, grasped):
+    return Held(grasped.mass, mat(grasped.inertia), vec(grasped.r), spatial(c.weights), vec(c.gravity), ALONE)
 
 
 @kernel(VOID(IN1, OUT1, OUT1, IN1, IN2))
 def _start(config, state, pad, grasped, R):
     c, s = record(config, GOVERNOR_CONFIG), record(state, GOVERNOR)
-    weights = surface(spatial(c.slip_axes), c.radius)
-    at_rest = load(_held(record(grasped, OBJECT)), weights, mat(R), ZERO, vec(c.gravity), Spatial(ZERO, ZERO))
+    at_rest = load(_held(c, record(grasped, OBJECT)), mat(R), ZERO, Spatial(ZERO, ZERO))
     p = record(pad, PAD)
     g.start_pad(c, p, size(at_rest), False, 1.0)
     g.start_governor(c, s, p)
@@ -85,13 +85,15 @@ def _start(config, state, pad, grasped, R):
 
 @kernel(VOID(IN1, OUT1, OUT1, IN1, INT, IN2, IN1, IN1))
 def _sample(config, state, grid, grasped, i, R, twist, acceleration):
-    c, s, held = record(config, GOVERNOR_CONFIG), record(state, GOVERNOR), _held(record(grasped, OBJECT))
+    c, s = record(config, GOVERNOR_CONFIG), record(state, GOVERNOR)
+    held = _held(c, record(grasped, OBJECT))
     g.sample_point(c, s, record(grid, PATH_GRID), i, held, mat(R), spatial(twist), spatial(acceleration))
 
 
 @kernel(VOID(IN1, OUT1, OUT1, IN1, IN1, IN2, IN1, IN1, IN1, IN2, IN1, REAL, REAL))
 def _before(config, state, grid, pad, grasped, R, twist, acceleration, x_e, R_ee, v_ee, most_rate, dt):
-    c, s, held = record(config, GOVERNOR_CONFIG), record(state, GOVERNOR), _held(record(grasped, OBJECT))
+    c, s = record(config, GOVERNOR_CONFIG), record(state, GOVERNOR)
+    held = _held(c, record(grasped, OBJECT))
     at = along(c, c.duration, s.time, mat(R), spatial(twist), spatial(acceleration))
     seen = Pad(vec(x_e), mat(R_ee), spatial(v_ee), spatial(record(pad, PAD).feedback))
     g.run(c, s, record(grid, PATH_GRID), held, at, seen, most_rate, dt)
@@ -114,18 +116,19 @@ def _plan(config, state, grid):
 @kernel(VOID(OUT1, REAL, INT))
 def _record_load(pad, measured, now_ns):
     p = record(pad, PAD)
-    remember(p.loads, now_ns, measured, p.commanded)
+    remember(p.friction, now_ns, measured, p.commanded)
 
 
-@kernel(BOOL(IN1, OUT1, INT, REAL))
+@kernel(VOID(IN1, OUT1, INT, REAL))
 def _slip(config, pad, stamp_ns, speed):
     c, p = record(config, GOVERNOR_CONFIG), record(pad, PAD)
-    return slip_sample(c.estimate, p.estimate, p.loads, stamp_ns, Spatial(Vec(speed, 0.0, 0.0), ZERO), False)
+    slip_sample(c.friction, p.contact, p.friction, stamp_ns, Spatial(Vec(speed, 0.0, 0.0), ZERO), False)
 
 
 @kernel(REAL(IN1, OUT1, OUT1, IN1, IN2, IN1, IN1, IN1))
 def _hold_back(config, state, pad, grasped, R, w, a_C, a_d):
-    c, s, held = record(config, GOVERNOR_CONFIG), record(state, GOVERNOR), _held(record(grasped, OBJECT))
+    c, s = record(config, GOVERNOR_CONFIG), record(state, GOVERNOR)
+    held = _held(c, record(grasped, OBJECT))
     p = record(pad, PAD)
     return hold_back(c, s.ceiling, p, held, mat(R), vec(w), spatial(a_C), spatial(a_d), s.contact.slipping != 0)
 
@@ -133,8 +136,7 @@ def _hold_back(config, state, pad, grasped, R, w, a_C, a_d):
 @kernel(VOID(IN1, IN1, IN2, IN1, IN1, OUT1))
 def _load(config, grasped, R, w, a, out):
     c = record(config, GOVERNOR_CONFIG)
-    weights = surface(spatial(c.slip_axes), c.radius)
-    put_spatial(out, load(_held(record(grasped, OBJECT)), weights, mat(R), vec(w), vec(c.gravity), spatial(a)))
+    put_spatial(out, load(_held(c, record(grasped, OBJECT)), mat(R), vec(w), spatial(a)))
 
 
 class Governor:
@@ -195,7 +197,9 @@ class Governor:
 
     def slip(self, stamp_ns, speed):
         config, _, _, pad = self.buffers
-        return _slip(config, pad, stamp_ns, speed)
+        before = self.pad.friction.events
+        _slip(config, pad, stamp_ns, speed)
+        return self.pad.friction.events > before
 
     def load_of(self, R, w, a):
         out = np.empty(6)

@@ -264,6 +264,7 @@ def _fill_governor(governor: GovernorConfig, params: ControllerParams) -> None:
     shared = SHARED_RESERVE if params.contacts.count > 1 else 0.0
     governor.reserve = given.reserve + shared * (1.0 - given.reserve) if given.friction != "unknown" else 0.0
     governor.radius, governor.slip_axes[:] = given.torsional_radius, params.contacts.slip_axes[:6]
+    governor.weights[:3], governor.weights[3:] = governor.slip_axes[:3], governor.slip_axes[3:] / governor.radius
     governor.gravity[:] = params.gravity
     governor.duration, governor.length, governor.floor = path.duration_s, PATH_LENGTH_M, PATH_FLOOR_M_S
     governor.most_speed, governor.most_turning = BRAKED_FROM * limits.speed_linear, BRAKED_FROM * limits.speed_angular
@@ -271,7 +272,7 @@ def _fill_governor(governor: GovernorConfig, params: ControllerParams) -> None:
     governor.window = min(max(1, round(given.window_s / params.control_period_s)), MAX_WINDOW)
     # Several arms without a common path pull the object apart, and no way is left to brake in.
     governor.led = int(len(params.contacts.position) == 3)
-    estimate = governor.estimate
+    estimate = governor.friction
     copy_fields(estimate, given)
     estimate.friction, estimate.configured, estimate.kept = Friction[given.friction.upper()], given.friction_limit, KEPT
     estimate.least, estimate.trust = LEAST_SHARE * given.friction_limit, TRUST

@@ -150,7 +150,7 @@ def test_weaker_pad_governs_both() -> None:
     for k, tick in enumerate(ticks(loop, 400)):
         left, right = (result.record.governor for result in tick.results)
         if k == 5:
-            loop.session.arms[1].state.pad.estimate.F_hat = 5.5  # one pad is known to be weaker
+            loop.session.arms[1].state.pad.contact.F_median = 5.5  # one pad is known to be weaker
         assert (left.path_s, left.path_rate) == (right.path_s, right.path_rate)
         slowed = slowed or (k > 20 and left.path_rate < 0.999)
         if k > 20:
@@ -178,7 +178,7 @@ def test_slip_is_shared() -> None:
     assert left.load_commanded > 0.05
     assert right.load_commanded == pytest.approx(left.load_commanded, rel=0.1)  # what each learns friction from
     now_ns = loop.bridge.simulation.stamp_ns
-    estimate = loop.session.arms[1].state.pad.estimate
+    estimate = loop.session.arms[1].state.pad.contact
     estimate.slipping, estimate.slip_ns = 1, now_ns  # what a slip sample of the right pad leaves
     seen = [[result.record.governor.slipping for result in tick.results] for tick in ticks(loop, 100)]
     assert seen[1] == [1.0, 1.0]

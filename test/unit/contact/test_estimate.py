@@ -9,18 +9,16 @@ import pytest
 
 from slip_core.records import new, record
 from slip_core.vectors import Vec
-from slip_vic_controller.contact.estimate import (
-    CONTACT_ESTIMATE,
-    DIRECTIONS,
-    SensorHealth,
-    compare_directions,
-    end_slip,
-    put_friction,
-    start_directions,
-    take_weakest,
-    weaker,
+from slip_vic_controller.contact.estimate import CONTACT_ESTIMATE, SensorHealth
+from slip_vic_controller.contact.friction_estimate import (
+    FRICTION_CONFIG,
+    GIVES_M,
+    Friction,
+    put_certain,
+    share_friction,
+    take_weaker,
 )
-from slip_vic_controller.contact.friction_estimate import ESTIMATE, ESTIMATE_CONFIG, GIVES_M, Friction
+from slip_vic_controller.contact.wrench_evidence import WRENCH_EVIDENCE, compare_directions, start_evidence
 
 DT = 1e-3
 
@@ -32,8 +30,8 @@ def records_of(*dtypes: np.dtype) -> list[SimpleNamespace]:
 
 def slide(T: np.ndarray, way: float, seed: int = 0, noise: float = 0.0) -> int:
     """Slip so far along a turning direction, read through the mounting T; return what is found."""
-    (state,) = records_of(DIRECTIONS)
-    start_directions(state)
+    (state,) = records_of(WRENCH_EVIDENCE)
+    start_evidence(state)
     rng, found = np.random.default_rng(seed), int(SensorHealth.OK)
     for k in range(round(way / (0.01 * DT))):
         direction = np.array([np.cos(0.01 * k), np.sin(0.01 * k), 0.0])
@@ -63,8 +61,8 @@ def test_noise_is_no_mounting(seed: int) -> None:
 
 
 def test_no_force_no_direction() -> None:
-    (state,) = records_of(DIRECTIONS)
-    start_directions(state)
+    (state,) = records_of(WRENCH_EVIDENCE)
+    start_evidence(state)
     for _ in range(100):
         assert compare_directions(state, Vec(-1.0, 0.0, 0.0), Vec(0.0, 0.0, 0.0), DT) == SensorHealth.OK
     assert state.length == 0.0
@@ -72,25 +70,20 @@ def test_no_force_no_direction() -> None:
 
 @pytest.mark.parametrize(("friction", "F_lo"), [(Friction.KNOWN, 0.8), (Friction.LEARNT, 0.8), (Friction.UNKNOWN, 0.3)])
 def test_certain_load(friction: Friction, F_lo: float) -> None:
-    config, state, out = records_of(ESTIMATE_CONFIG, ESTIMATE, CONTACT_ESTIMATE)
-    config.friction, state.F_hat, state.certified = friction, 0.8, 0.3
-    put_friction(config, state, out)
-    assert (out.F_lo, out.F_median, out.carried) == (F_lo, 0.8, 0.3)
+    config, out = records_of(FRICTION_CONFIG, CONTACT_ESTIMATE)
+    config.friction, out.F_median, out.carried = friction, 0.8, 0.3
+    put_certain(config, out)
+    assert out.F_lo == F_lo
 
 
 def test_all_pads_have_the_weakest_friction() -> None:
-    config, a, b, pad_a, pad_b, both = records_of(
-        ESTIMATE_CONFIG, ESTIMATE, ESTIMATE, CONTACT_ESTIMATE, CONTACT_ESTIMATE, CONTACT_ESTIMATE
-    )
+    config, a, b, both = records_of(FRICTION_CONFIG, CONTACT_ESTIMATE, CONTACT_ESTIMATE, CONTACT_ESTIMATE)
     config.friction, config.quiet_ns, config.sensor_delay_ns = Friction.LEARNT, 50, 10
-    a.F_hat, a.certified, a.first = 1.0, 0.5, 1.0
-    b.F_hat, b.slipped_at, b.certified, b.first, b.slipping, b.slip_ns = 0.7, 0.74, 0.6, 1.0, 1, 100
-    put_friction(config, a, pad_a)
-    put_friction(config, b, pad_b)
-    put_friction(config, a, both)
-    weaker(both, pad_b)
-    end_slip(config, both, 159)
-    take_weakest(config, a, pad_a, both)
-    assert (pad_a.F_lo, pad_a.slipped_at, pad_a.carried, pad_a.slipping) == (0.7, 0.74, 0.5, 1)
-    end_slip(config, both, 160)
+    for pad in (a, both):
+        pad.F_median, pad.carried, pad.first = 1.0, 0.5, 1.0
+    b.F_median, b.slipped_at, b.carried, b.first, b.slipping, b.slip_ns = 0.7, 0.74, 0.6, 1.0, 1, 100
+    take_weaker(both, b)
+    share_friction(config, a, both, 159)
+    assert (a.F_lo, a.slipped_at, a.carried, a.slipping) == (0.7, 0.74, 0.5, 1)
+    share_friction(config, both, both, 160)
     assert both.slipping == 0

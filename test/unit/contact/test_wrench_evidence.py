@@ -10,14 +10,14 @@ import pytest
 
 from slip_core.records import new, record
 from slip_core.vectors import ZERO, Spatial, Vec
+from slip_vic_controller.contact.estimate import CONTACT_ESTIMATE
 from slip_vic_controller.contact.friction_estimate import (
-    ESTIMATE,
-    ESTIMATE_CONFIG,
+    FRICTION_CONFIG,
+    FRICTION_EVIDENCE,
     LEAST_FRICTION,
-    LOAD_HISTORY,
     Friction,
     learn_carried,
-    start_estimate,
+    start_friction,
 )
 from slip_vic_controller.contact.wrench_evidence import (
     LACKS_S,
@@ -27,6 +27,7 @@ from slip_vic_controller.contact.wrench_evidence import (
     lacks_load,
     start_evidence,
 )
+from slip_vic_controller.sizes import NEVER
 
 DT, MS = 1e-3, 1_000_000
 
@@ -35,37 +36,36 @@ def evidence() -> SimpleNamespace:
     """Return the evidence of a contact that has carried nothing yet."""
     state = record(new(WRENCH_EVIDENCE), WRENCH_EVIDENCE)
     start_evidence(state)
-    return state
+    return SimpleNamespace(state=state, contact=record(new(CONTACT_ESTIMATE), CONTACT_ESTIMATE))
 
 
-def run(state: SimpleNamespace, cycles: int, commanded: float, needed: float, measured: float, seen: int = 0) -> int:
+def run(e: SimpleNamespace, cycles: int, commanded: float, needed: float, measured: float, seen: int = 0) -> int:
     """Do cycles of equal loads [N] along one axis; return in which one a slip was found, -1 = in none."""
-    found = -1
+    found, e.contact.slipping = -1, seen
     for k in range(cycles):
         need, load = Spatial(Vec(needed, 0.0, 0.0), ZERO), Spatial(Vec(measured, 0.0, 0.0), ZERO)
-        if lacks_load(state, commanded, need, load, 0.25, seen, k * MS, DT) and found < 0:
+        if lacks_load(e.state, e.contact, commanded, need, load, 0.25, k * MS, DT) and found < 0:
             found = k
     return found
 
 
-def carry(state: SimpleNamespace, load: float) -> None:
+def carry(e: SimpleNamespace, load: float) -> None:
     """Let the means come to a load that is carried in full [N]."""
-    assert run(state, 1000, load, load, load) == -1
+    assert run(e, 1000, load, load, load) == -1
 
 
 @pytest.mark.parametrize("share", [0.5, 0.7, 0.8])
 def test_time_to_find_a_slip(share: float) -> None:
-    state = evidence()
-    carry(state, 0.2)
+    e = evidence()
+    carry(e, 0.2)
     # Closed form of the sum: lack(t) = (1 - share) (1 - exp(-t / MEAN_S)), counted from where it passes SCATTERS.
     t, S = 0.0, 0.0
     while S <= LACKS_S:
         t += DT
         S = max(S + DT * ((1.0 - share) * (1.0 - math.exp(-t / MEAN_S)) - SCATTERS), 0.0)
-    assert run(state, 1000, 0.2, 0.2, share * 0.2) == round(t / DT) - 1
-    assert state.unseen == 1
-    assert (state.lacks_of, state.unseen_ns) == (pytest.approx(0.2), (round(t / DT) - 1) * MS)
-    assert share * 0.2 < state.carried < 0.2
+    assert run(e, 1000, 0.2, 0.2, share * 0.2) == round(t / DT) - 1
+    assert (e.contact.needs, e.state.unseen_ns) == (pytest.approx(0.2), (round(t / DT) - 1) * MS)
+    assert share * 0.2 < e.contact.lacks < 0.2
 
 
 @pytest.mark.parametrize(
@@ -84,20 +84,20 @@ def test_no_slip_without_lack(commanded: float, needed: float, measured: float) 
 
 
 def test_the_slip_sensor_sees_it() -> None:
-    state = evidence()
-    carry(state, 0.2)
-    run(state, 500, 0.2, 0.2, 0.1)
-    assert state.unseen == 1
-    assert run(state, 1, 0.2, 0.2, 0.1, seen=1) == -1
-    assert (state.unseen, state.sum_s) == (0, 0.0)
+    e = evidence()
+    carry(e, 0.2)
+    run(e, 500, 0.2, 0.2, 0.1)
+    assert e.state.unseen_ns != NEVER
+    assert run(e, 1, 0.2, 0.2, 0.1, seen=1) == -1
+    assert (e.state.unseen_ns, e.state.sum_s) == (NEVER, 0.0)
 
 
 def test_a_wrong_mass_counts_once() -> None:
-    state = evidence()
-    assert run(state, 500, 0.2, 0.2, 0.12) >= 0
-    assert run(state, 2000, 0.15, 0.15, 0.09) == -1, "nothing has been carried in full since"
-    carry(state, 0.15)
-    assert run(state, 500, 0.15, 0.15, 0.09) >= 0
+    e = evidence()
+    assert run(e, 500, 0.2, 0.2, 0.12) >= 0
+    assert run(e, 2000, 0.15, 0.15, 0.09) == -1, "nothing has been carried in full since"
+    carry(e, 0.15)
+    assert run(e, 500, 0.15, 0.15, 0.09) >= 0
 
 
 @pytest.mark.parametrize(("measured", "found"), [(0.9, False), (1.1, True)])
@@ -108,10 +108,10 @@ def test_small_loads_show_a_bias(measured: float, found: bool) -> None:
 
 
 def test_noise_is_no_load() -> None:
-    state, rng, found = evidence(), np.random.default_rng(3), 0
+    e, rng, found = evidence(), np.random.default_rng(3), 0
     for k in range(20_000):
         noisy = Spatial(Vec(0.15 + 0.05 * rng.standard_normal(), 0.05 * rng.standard_normal(), 0.0), ZERO)
-        found += lacks_load(state, 0.15, Spatial(Vec(0.15, 0.0, 0.0), ZERO), noisy, 0.25, 0, k * MS, DT)
+        found += lacks_load(e.state, e.contact, 0.15, Spatial(Vec(0.15, 0.0, 0.0), ZERO), noisy, 0.25, k * MS, DT)
     assert found == 0
 
 
@@ -125,10 +125,10 @@ def test_noise_is_no_load() -> None:
     ],
 )
 def test_friction_from_the_load_left(friction: Friction, carried: float, F_hat: float) -> None:
-    config, state, history = (record(new(t), t) for t in (ESTIMATE_CONFIG, ESTIMATE, LOAD_HISTORY))
+    config, contact, state = (record(new(t), t) for t in (FRICTION_CONFIG, CONTACT_ESTIMATE, FRICTION_EVIDENCE))
     config.friction, config.configured, config.kept, config.least, config.probe = friction, 1.0, 0.95, 0.01, 0.02
-    start_estimate(config, state, history, 0.8, 0.0)
-    assert learn_carried(config, state, carried, 7) == (F_hat < 1.0)
-    assert (state.F_hat, state.events, state.certified) == (
+    start_friction(config, contact, state, 0.8, 0.0)
+    learn_carried(config, contact, state, carried)
+    assert (contact.F_median, state.events, contact.carried) == (
         pytest.approx(F_hat), int(F_hat < 1.0), pytest.approx(min(0.82, F_hat))
     )  # fmt: skip

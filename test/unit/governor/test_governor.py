@@ -136,7 +136,7 @@ def test_late_sample_uses_its_stamp() -> None:
         G.pad.commanded = 0.1 + 0.0005 * k
         G.record_load(np.array([0.11 + 0.0005 * k, 0, 0, 0, 0, 0.0]), k * 1_000_000)
     assert G.slip(120_500_000, 1e-3)
-    assert abs(G.pad.estimate.F_hat - 0.95 * 0.16) < 1e-12
+    assert abs(G.pad.contact.F_median - 0.95 * 0.16) < 1e-12
 
 
 @pytest.mark.parametrize("share", [0.9, 0.994, 0.996, 1.004, 1.006])
@@ -219,7 +219,7 @@ def test_catching_up_uses_carried_load() -> None:
         planned = np.linalg.norm(G.load_of(R, float(G.state.rate) * v[3:], a))
         _, R, v, a = G.before()
         asked = np.linalg.norm(G.load_of(R, v[3:], a))
-        assert G.state.out_u <= 0.0 or asked <= 1.01 * max(carried + G.config.estimate.probe, planned)
+        assert G.state.out_u <= 0.0 or asked <= 1.01 * max(carried + G.config.friction.probe, planned)
         most = max(most, asked)
     assert G.state.arrived == 1
     assert most > carried

@@ -5,10 +5,9 @@ from scipy.spatial.transform import Rotation
 
 from slip_core.records import new, record
 from slip_core.vectors import mat, spatial, vec
-from slip_vic_controller.cycle.contact import held_by
 from slip_vic_controller.governor.guard import guard_factor
-from slip_vic_controller.governor.load import ALONE, Held, Shared, at_contact, load, size, surface
-from slip_vic_controller.law.contact import CONTACT, SLIP
+from slip_vic_controller.governor.load import ALONE, Held, Shared, at_contact, load, size
+from slip_vic_controller.law.contact import CONTACT, SLIP, contact_arm, pad_rotation
 from test.referees.governor_paths import skew
 
 SEED, CASES = 5, 60
@@ -44,18 +43,20 @@ def test_load_is_rigid_body_wrench() -> None:
         r = R_o @ (position + R_c @ slip)
         contact, pad = record(new(CONTACT), CONTACT), record(new(SLIP), SLIP)
         contact.rotation[:], pad.position[:], pad.rotation[:] = R_c, slip, R_s
-        held = held_by(m, mat(J), vec(position), contact, pad)
-        ours = load(held, surface(spatial(axes), rho), mat(R), vec(w), vec(gravity), spatial(a))
+        turned = pad_rotation(contact, pad)
+        inertia, arm = turned.T() @ (mat(J) @ turned), contact_arm(turned, vec(position), contact, pad)
+        held = Held(m, inertia, arm, spatial(axes / np.repeat((1.0, rho), 3)), vec(gravity), ALONE)
+        ours = load(held, mat(R), vec(w), spatial(a))
         theirs = referee(m, J, R_o, R, r, w, a, gravity, axes, rho)
         np.testing.assert_allclose(np.concatenate(ours), theirs, rtol=0, atol=ROUNDING * np.abs(theirs).max() + 1e-15)
         assert abs(size(ours) - np.linalg.norm(theirs)) <= ROUNDING * np.linalg.norm(theirs)
 
 
 def test_still_pad_carries_weight() -> None:
-    held = Held(0.5, mat(1e-3 * np.eye(3)), vec(np.array([0.0, 0.02, 0.0])), ALONE)
-    weights = surface(spatial(np.array([1.0, 1, 0, 0, 0, 1])), 0.03)
+    weights, gravity = spatial(np.array([1.0, 1, 0, 0, 0, 1 / 0.03])), vec(np.array([0, -9.81, 0]))
+    held = Held(0.5, mat(1e-3 * np.eye(3)), vec(np.array([0.0, 0.02, 0.0])), weights, gravity, ALONE)
     nothing = spatial(np.zeros(6))
-    l = load(held, weights, mat(np.eye(3)), nothing.linear, vec(np.array([0, -9.81, 0])), nothing)  # noqa: E741
+    l = load(held, mat(np.eye(3)), nothing.linear, nothing)  # noqa: E741
     np.testing.assert_allclose(np.concatenate(l), [0, -0.5 * 9.81, 0, 0, 0, 0], atol=1e-15)
 
 
@@ -81,7 +82,7 @@ def test_guard_takes_largest_factor() -> None:
 
 def test_shared_load_bounds_every_pad() -> None:
     rng, rho = np.random.default_rng(SEED), 0.015
-    weights = surface(spatial(np.array([1.0, 1, 0, 0, 0, 1])), rho)
+    weights = spatial(np.array([1.0, 1, 0, 0, 0, 1 / rho]))
     tight = 0.0
     for _ in range(300):
         places = np.hstack((rng.normal(size=(2, 2)), np.zeros((2, 1)))) * 0.2
@@ -90,9 +91,9 @@ def test_shared_load_bounds_every_pad() -> None:
         A = 2 * rho**2 * np.eye(3) + sum(x @ x * np.eye(3) - np.outer(x, x) for x in d)
         arm = float(np.hypot(np.linalg.norm(d[0]), rho))
         shared = Shared(2, vec(middle), mat(np.linalg.inv(A)), arm, rho)
-        held = Held(1.0, mat(np.eye(3)), vec(places[0]), shared)
+        held = Held(1.0, mat(np.eye(3)), vec(places[0]), weights, vec(np.zeros(3)), shared)
         force, torque = rng.normal(size=3), 0.1 * rng.normal(size=3)
-        bound = size(weights * at_contact(held, vec(force), vec(torque)))
+        bound = size(at_contact(held, vec(force), vec(torque)))
         y = np.linalg.solve(A, torque - np.cross(middle, force))
         loads = [np.hypot(np.linalg.norm((force / 2 + np.cross(y, x))[:2]), rho * y[2]) for x in d]
         assert max(loads) <= bound * (1.0 + ROUNDING)

@@ -13,6 +13,7 @@ from typing import Annotated, Final
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Records, Vec6, Whole, dtype_of
 from slip_core.vectors import Spatial, put_spatial, spatial
+from slip_vic_controller.contact.estimate import ContactEstimate
 from slip_vic_controller.sizes import NEVER
 
 LOADS: Final = 256
@@ -47,14 +48,7 @@ class Load(Record):
     commanded: Real  # N, |l(a_C)| of the command that led to it, which is that of the cycle before
 
 
-class LoadHistory(Record):
-    """Loads of the last cycles."""
-
-    count: Whole
-    loads: Annotated[Records[Load], LOADS]
-
-
-class EstimateConfig(Record):
+class FrictionConfig(Record):
     """How friction is estimated."""
 
     friction: Whole  # Friction
@@ -72,100 +66,91 @@ class EstimateConfig(Record):
     noise_ns: Whole  # loads so long before and after a stamp are averaged
 
 
-class Estimate(Record):
-    """What friction is taken to be."""
+class FrictionEvidence(Record):
+    """What friction is learnt from: loads of the last cycles, and what the slip samples have said."""
 
-    F_hat: Real  # N, F^
-    first: Real  # N, F^ at first
-    slipped_at: Real  # N, smallest load at which it has slipped, in the model's units; 0 before
-    certified: Real  # N, largest load carried without slip
-    carried: Real  # N, the same, whatever slips have shown since
-    slipping: Whole
-    slip_ns: Whole  # stamp of the newest slip sample
+    count: Whole  # cycles that have been remembered
+    loads: Annotated[Records[Load], LOADS]
+    most_carried: Real  # N, largest load carried without slip, whatever slips have shown since
     events: Whole  # how often F^ was made smaller
-    event_ns: Whole  # stamp of the last time
     said: Whole  # samples in a row that show slip
     said_ns: Whole  # stamp of the first of them
     last_ns: Whole  # and of the newest sample that is no outlier
     way: Vec6  # m, that they have slipped; turning at the torsional radius
 
 
-LOAD, LOAD_HISTORY = dtype_of(Load), dtype_of(LoadHistory)
-ESTIMATE_CONFIG, ESTIMATE = dtype_of(EstimateConfig), dtype_of(Estimate)
+FRICTION_CONFIG, FRICTION_EVIDENCE = dtype_of(FrictionConfig), dtype_of(FrictionEvidence)
 
 
 @part
-def first_friction(config: EstimateConfig, rests_with: float) -> float:
-    """Return the friction to begin with [N]: as configured, or what the object at rest disproves that with.
+def start_friction(
+    config: FrictionConfig, contact: ContactEstimate, state: FrictionEvidence, at_rest: float, rests_with: float
+) -> None:
+    """Begin with the friction that is configured, or with what the object at rest disproves that with.
 
     What rests is carried: an object that was weighed and loads the grasp by more than friction as configured is held by
     more. Its load counts as that of a slip would: 1/0.95 of it is carried.
 
     Args:
-        config: ESTIMATE_CONFIG.
+        config, contact, state: how friction is estimated, and what is written.
+        at_rest: load at rest [N].
         rests_with: load at rest that a tare has found [N]; 0 where it is the configuration's.
     """
     disproved = config.friction == Friction.LEARNT and rests_with > config.configured
-    return float(rests_with / config.kept if disproved else config.configured)
+    contact.first = rests_with / config.kept if disproved else config.configured
+    contact.F_median, contact.slipped_at = contact.first, 0.0
+    contact.carried = state.most_carried = min(at_rest + config.probe, contact.first)
+    contact.slipping, contact.slip_ns = 0, NEVER
+    state.count, state.events, state.said, state.said_ns, state.last_ns, state.way[:] = 0, 0, 0, NEVER, NEVER, 0.0
+    put_certain(config, contact)
 
 
 @part
-def start_estimate(
-    config: EstimateConfig, state: Estimate, history: LoadHistory, at_rest: float, rests_with: float
-) -> None:
-    """Begin with what is configured, or with what the object's weight shows.
-
-    at_rest: load at rest [N]; rests_with: see `first_friction`.
-    """
-    state.F_hat = state.first = first_friction(config, rests_with)
-    state.slipped_at = 0.0
-    state.certified = state.carried = min(at_rest + config.probe, state.first)
-    state.slipping, state.slip_ns, state.events, state.event_ns = 0, NEVER, 0, NEVER
-    state.said, state.said_ns, state.last_ns, state.way[:] = 0, NEVER, NEVER, 0.0
-    history.count = 0
+def put_certain(config: FrictionConfig, contact: ContactEstimate) -> None:
+    """Write what is certain to be carried: of unknown friction no more than has been."""
+    unknown = config.friction == Friction.UNKNOWN
+    contact.F_lo = min(contact.carried, contact.F_median) if unknown else contact.F_median
 
 
 @part
-def remember(history: LoadHistory, stamp_ns: int, measured: float, commanded: float) -> None:
+def remember(state: FrictionEvidence, stamp_ns: int, measured: float, commanded: float) -> None:
     """Add the load measured at a stamp, and what the cycle before had commanded [N]."""
-    place = history.loads[history.count % LOADS]
+    place = state.loads[state.count % LOADS]
     place.stamp_ns, place.measured, place.commanded = stamp_ns, measured, commanded
-    history.count += 1
+    state.count += 1
 
 
 @part
-def index_at(history: LoadHistory, stamp_ns: int) -> int:
+def index_at(state: FrictionEvidence, stamp_ns: int) -> int:
     """Return the place of the newest load that is not younger than a stamp, else of the oldest; -1: there is none."""
-    newest = history.count - 1
-    oldest = max(history.count - LOADS, 0)
+    newest = state.count - 1
+    oldest = max(state.count - LOADS, 0)
     if newest < 0:
         return -1
-    while newest > oldest and history.loads[newest % LOADS].stamp_ns > stamp_ns:
+    while newest > oldest and state.loads[newest % LOADS].stamp_ns > stamp_ns:
         newest -= 1
     return int(newest % LOADS)
 
 
 @part
-def certify(config: EstimateConfig, state: Estimate, history: LoadHistory, now_ns: int) -> None:
+def certify(config: FrictionConfig, contact: ContactEstimate, state: FrictionEvidence, now_ns: int) -> None:
     """Let the load of a cycle count as carried, once the slip sensor would have shown otherwise."""
-    if state.slipping != 0:
-        return
-    i = index_at(history, now_ns - config.sensor_delay_ns)
-    if i >= 0 and history.loads[i].stamp_ns <= now_ns - config.sensor_delay_ns:
-        load = history.loads[i]
-        state.certified = min(max(state.certified, load.commanded), state.F_hat)
-        state.carried = max(state.carried, min(load.commanded, load.measured, state.F_hat))
+    i = index_at(state, now_ns - config.sensor_delay_ns)
+    if contact.slipping == 0 and i >= 0 and state.loads[i].stamp_ns <= now_ns - config.sensor_delay_ns:
+        load = state.loads[i]
+        contact.carried = min(max(contact.carried, load.commanded), contact.F_median)
+        state.most_carried = max(state.most_carried, min(load.commanded, load.measured, contact.F_median))
 
 
 @part
-def slipping_load(config: EstimateConfig, history: LoadHistory, i: int) -> float:
+def slipping_load(config: FrictionConfig, state: FrictionEvidence, i: int) -> float:
     """Return the load [N] that counts where the contact slipped at the stamp of place i.
 
     The measured one is a mean: noise of a single wrench, of which the least counts, was learnt with every slip.
     """
-    load, total, count = history.loads[i], 0.0, 0
-    for k in range(min(history.count, LOADS)):
-        other = history.loads[k]
+    load, total, count = state.loads[i], 0.0, 0
+    for k in range(min(state.count, LOADS)):
+        other = state.loads[k]
         if abs(other.stamp_ns - load.stamp_ns) <= config.noise_ns:
             total, count = total + other.measured, count + 1
     measured = total / count
@@ -173,87 +158,105 @@ def slipping_load(config: EstimateConfig, history: LoadHistory, i: int) -> float
 
 
 @part
-def is_outlier(config: EstimateConfig, state: Estimate, stamp_ns: int, speed: float) -> bool:
-    """Return whether a slip cannot have become as fast as this [m/s] since the newest sample.
-
-    A perfect sensor has none. What lasts is none: the time since then grows.
-    """
-    if config.witnesses == 1 or not NEVER < state.last_ns <= stamp_ns:
-        return False
-    return speed > config.threshold + FASTEST_GROWTH * 1e-9 * (stamp_ns - state.last_ns)
-
-
-@part
-def gives_way(config: EstimateConfig, state: Estimate, history: LoadHistory, stamp_ns: int, slip: Spatial) -> bool:
+def gives_way(
+    config: FrictionConfig, contact: ContactEstimate, state: FrictionEvidence, stamp_ns: int, step: Spatial
+) -> bool:
     """Return whether a slip may be pads that give way before they slip: to and fro, not far from where it began.
 
     Soft pads give way the faster the load changes, whatever it is, and friction does not end far below what it has
-    carried: half of it, or a quarter of what it had carried before slips showed less.
+    carried: half of it, or a quarter of what it had carried before slips showed less. step: since the last sample [m].
     """
-    passed_s = 1e-9 * (stamp_ns - state.last_ns) if NEVER < state.last_ns <= stamp_ns else 0.0
-    way = spatial(state.way) + passed_s * slip
+    way = spatial(state.way) + step
     put_spatial(state.way, way)
-    length, i = math.sqrt(way.dot(way)), index_at(history, stamp_ns)
+    length, i = math.sqrt(way.dot(way)), index_at(state, stamp_ns)
     if length < config.pre_sliding:
         return True
-    doubted = PLAUSIBLE * max(state.certified, PLAUSIBLE * state.carried)
-    return i >= 0 and length < GIVES_M and slipping_load(config, history, i) < doubted
+    doubted = PLAUSIBLE * max(contact.carried, PLAUSIBLE * state.most_carried)
+    return i >= 0 and length < GIVES_M and slipping_load(config, state, i) < doubted
 
 
 @part
 def slip_sample(
-    config: EstimateConfig, state: Estimate, history: LoadHistory, stamp_ns: int, slip: Spatial, found: bool
-) -> bool:
-    """Take a slip sample; return whether F^ has become smaller.
+    config: FrictionConfig,
+    contact: ContactEstimate,
+    state: FrictionEvidence,
+    stamp_ns: int,
+    slip: Spatial,
+    found: bool,
+) -> None:
+    """Take a slip sample: whether it slips, and friction where a slip begins.
 
     A single sample may be an outlier: it takes several in a row, or fewer that the observer confirms. One that is
-    faster than a slip can have become since the sample before is an outlier, and is left out. Only the first sample of
-    a slip tells where friction ended: what loads there are while it slides is the sliding friction and the law's doing.
+    faster than a slip can have become since the sample before is an outlier, and is left out; a perfect sensor has
+    none, and what lasts is none. Only the first sample of a slip tells where friction ended: what loads there are while
+    it slides is the sliding friction and the law's doing.
 
     Args:
-        config, state, history: ESTIMATE_CONFIG, ESTIMATE, LOAD_HISTORY.
+        config, contact, state: how friction is estimated; what is known of it, changed.
         stamp_ns: when the sample was measured.
         slip: S v_s, turning at the torsional radius [m/s]; of a flag: infinite or 0.
         found: whether the observer finds slip.
 
     Implements: ours: F^ <- min(F^, 0.95 min(|S^-1 h_ee|, |l(a_C)|)) at the stamp of the first slip sample.
     """
-    speed = math.sqrt(slip.dot(slip))
+    speed, slips = math.sqrt(slip.dot(slip)), contact.slipping != 0
     if not speed > (OBSERVED if found else 1.0) * config.threshold:
         state.said, state.way[:], state.last_ns = 0, 0.0, stamp_ns
-        if state.slipping != 0 and stamp_ns - state.slip_ns >= config.quiet_ns:
-            state.slipping = 0
-        return False
-    if (state.slipping != 0 or state.said == 0) and is_outlier(config, state, stamp_ns, speed):
-        return False
-    stays = state.slipping == 0 and gives_way(config, state, history, stamp_ns, slip)
+        if slips and stamp_ns - contact.slip_ns >= config.quiet_ns:
+            contact.slipping = 0
+        return
+    known = NEVER < state.last_ns <= stamp_ns
+    passed_s = 1e-9 * (stamp_ns - state.last_ns) if known else 0.0
+    too_fast = known and config.witnesses > 1 and speed > config.threshold + FASTEST_GROWTH * passed_s
+    if too_fast and (slips or state.said == 0):
+        return
+    stays = not slips and gives_way(config, contact, state, stamp_ns, passed_s * slip)
     state.last_ns = stamp_ns
     if stays:
-        return False
+        return
     if state.said == 0:
         state.said_ns = stamp_ns
     state.said += 1
-    first = state.slipping == 0
-    if first and state.said < (config.confirmed if found else config.witnesses):
-        return False
-    state.slipping, state.slip_ns = 1, max(stamp_ns, state.slip_ns)
-    i = index_at(history, state.said_ns)
-    if not first or i < 0 or config.friction == Friction.KNOWN:
-        return False
-    return bool(learn_carried(config, state, slipping_load(config, history, i), stamp_ns))
+    if not slips and state.said < (config.confirmed if found else config.witnesses):
+        return
+    contact.slipping, contact.slip_ns = 1, max(stamp_ns, contact.slip_ns)
+    i = index_at(state, state.said_ns)
+    if not slips and i >= 0:
+        learn_carried(config, contact, state, slipping_load(config, state, i))
 
 
 @part
-def learn_carried(config: EstimateConfig, state: Estimate, carried: float, stamp_ns: int) -> bool:
-    """Take the load [N at the nominal grip] that a slip left of what was asked; return whether F^ has become smaller.
+def learn_carried(config: FrictionConfig, contact: ContactEstimate, state: FrictionEvidence, carried: float) -> None:
+    """Take the load [N at the nominal grip] that a slip left of what was asked.
 
     It is what friction carries while it slides, no more than before: so nothing here depends on the slip sensor.
     """
     learnt = max(config.kept * carried, config.least)
-    if config.friction == Friction.KNOWN or learnt >= state.F_hat:
-        return False
-    state.F_hat, state.slipped_at = learnt, carried
-    state.certified = min(state.certified, learnt)
-    state.events += 1
-    state.event_ns = stamp_ns
-    return True
+    if config.friction != Friction.KNOWN and learnt < contact.F_median:
+        contact.F_median, contact.slipped_at = learnt, carried
+        contact.carried = min(contact.carried, learnt)
+        state.events += 1
+
+
+# -- several pads
+
+
+@part
+def take_weaker(out: ContactEstimate, pad: ContactEstimate) -> None:
+    """Let the estimate of all pads count with another pad where that one is weaker."""
+    if pad.F_median < out.F_median:
+        out.F_median, out.slipped_at = pad.F_median, pad.slipped_at
+    out.carried, out.first = min(out.carried, pad.carried), min(out.first, pad.first)
+    out.slipping, out.slip_ns = max(out.slipping, pad.slipping), max(out.slip_ns, pad.slip_ns)
+
+
+@part
+def share_friction(config: FrictionConfig, pad: ContactEstimate, weakest: ContactEstimate, now_ns: int) -> None:
+    """Let a pad, or the weakest itself, know what all pads together have: friction, and whether any slips.
+
+    A slip of several pads is over when no sample of any has shown one for so long.
+    """
+    pad.F_median, pad.slipped_at, pad.slip_ns = weakest.F_median, weakest.slipped_at, weakest.slip_ns
+    lasts_ns = config.quiet_ns + config.sensor_delay_ns
+    pad.slipping = 1 if weakest.slipping != 0 and now_ns - weakest.slip_ns < lasts_ns else 0
+    put_certain(config, pad)

@@ -7,28 +7,24 @@ import math
 from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.records import Records
-from slip_core.vectors import Mat, Spatial, Vec, mat, put_spatial, spatial, vec
-from slip_vic_controller.contact.estimate import (
-    SensorHealth,
-    compare_directions,
-    end_slip,
-    put_friction,
-    take_weakest,
-    weaker,
-)
+from slip_core.vectors import Spatial, mat, put_spatial, spatial, vec
+from slip_vic_controller.contact.estimate import SensorHealth
 from slip_vic_controller.contact.friction_estimate import (
     certify,
     learn_carried,
+    put_certain,
     remember,
+    share_friction,
     slip_sample,
+    take_weaker,
 )
-from slip_vic_controller.contact.wrench_evidence import lacks_load
+from slip_vic_controller.contact.wrench_evidence import compare_directions, lacks_load
 from slip_vic_controller.governor import governor
 from slip_vic_controller.governor.grip import follow_load, load_ahead
 from slip_vic_controller.governor.layouts import GovernorConfig
-from slip_vic_controller.governor.load import ALONE, Held, Shared, load, size, surface, weight
+from slip_vic_controller.governor.load import ALONE, Held, Shared, load, size, weight
 from slip_vic_controller.law.arm import Arm
-from slip_vic_controller.law.contact import Contact, Slip, contact_arm, pad_rotation
+from slip_vic_controller.law.contact import contact_arm, pad_rotation
 from slip_vic_controller.law.gains import LawGains
 from slip_vic_controller.law.internal import sharing
 from slip_vic_controller.sizes import NEVER
@@ -39,43 +35,27 @@ SEES_NS = 50_000_000
 
 
 @part
-def held_by(mass: float, inertia: Mat, position: Vec, contact: Contact, slip: Slip) -> Held:
-    """Return the object on the axes of the pad that holds it.
-
-    Args:
-        mass, inertia: [kg], [kg m2] {o}.
-        position: of the contact on the object, o_x_p [m] {o}.
-        contact, slip: CONTACT, SLIP.
-    """
-    pad = pad_rotation(contact, slip)
-    return Held(mass, pad.T() @ (inertia @ pad), contact_arm(pad, position, contact, slip), ALONE)
-
-
-@part
 def held(config: ControllerConfig, state: ArmState, gains: LawGains) -> Held:
     """Return the object as the own pad holds it."""
-    grasped, position = gains.object, vec(gains.contact_position)
-    own = held_by(grasped.mass, mat(grasped.inertia), position, config.law.contact[0], state.law.slips[0])
-    if config.law.contacts == 1:
-        return own
-    with_others, rho = sharing(config.law, gains, state.law.slips), config.governor.radius
-    arm = math.sqrt(with_others.longest * with_others.longest + rho * rho)
-    shared = Shared(with_others.contacts, with_others.middle, with_others.inverse, arm, rho)
-    return Held(own.mass, own.inertia, own.r, shared)
-
-
-@part
-def load_at_rest(config: ControllerConfig, state: ArmState, gains: LawGains, arm: Arm) -> float:
-    """Return the load of the object's weight on the own pad [N]."""
-    weights = surface(spatial(config.governor.slip_axes), config.governor.radius)
-    return size(weight(held(config, state, gains), weights, mat(arm.rotation), vec(config.governor.gravity)))
+    limits, contact, slip, shared = config.governor, config.law.contact[0], state.law.slips[0], ALONE
+    if config.law.contacts > 1:
+        with_others, rho = sharing(config.law, gains, state.law.slips), limits.radius
+        arm = math.sqrt(with_others.longest * with_others.longest + rho * rho)
+        shared = Shared(with_others.contacts, with_others.middle, with_others.inverse, arm, rho)
+    pad = pad_rotation(contact, slip)
+    inertia, r = (
+        pad.T() @ (mat(gains.object.inertia) @ pad),
+        contact_arm(pad, vec(gains.contact_position), contact, slip),
+    )
+    return Held(gains.object.mass, inertia, r, spatial(limits.weights), vec(limits.gravity), shared)
 
 
 @part
 def begin_pad(config: ControllerConfig, state: ArmState, arm: Arm, gains: LawGains) -> None:
     """Initialise a pad: its load is that of the object at rest."""
     grip, weighed = state.grip.actual / config.grip.nominal_force, state.tare.mass_share != 0.0
-    governor.start_pad(config.governor, state.pad, load_at_rest(config, state, gains, arm), bool(weighed), grip)
+    at_rest = size(weight(held(config, state, gains), mat(arm.rotation)))
+    governor.start_pad(config.governor, state.pad, at_rest, bool(weighed), grip)
 
 
 @part
@@ -107,51 +87,48 @@ def estimate_contact(
     if config.grip.follow != 0:
         squeeze(config, task, state, dt)
     pad, limits, stamp_ns, alone = state.pad, config.governor, state.joint.answers.stamp_ns, config.law.contacts == 1
-    friction, contact, weights = pad.estimate, pad.contact, surface(spatial(limits.slip_axes), limits.radius)
-    measured = weights * spatial(outputs.samples[0].wrench)
+    contact, friction, evidence = pad.contact, pad.friction, pad.evidence
+    measured = spatial(limits.weights) * spatial(outputs.samples[0].wrench)
     pad.measured = size(measured)
-    remember(pad.loads, stamp_ns, pad.measured / pad.grip, pad.commanded / pad.grip)
-    certify(limits.estimate, friction, pad.loads, stamp_ns)
+    remember(friction, stamp_ns, pad.measured / pad.grip, pad.commanded / pad.grip)
+    certify(limits.friction, contact, friction, stamp_ns)
     found = bool(config.cycle.has_observer != 0 and state.observer.sliding != 0)
     for k in range(state.queue.count):
         sample, before_ns = state.queue.samples[k], friction.last_ns
         slip = scaled_slip(limits, sample.twist)
-        slip_sample(limits.estimate, friction, pad.loads, sample.stamp_ns, slip, found)
-        if alone and friction.slipping != 0 and NEVER < before_ns <= sample.stamp_ns:
-            drags, passed_s = -vec(pad.evidence.measured), 1e-9 * (sample.stamp_ns - before_ns)
-            pad.directions.mounted = compare_directions(pad.directions, slip.linear, drags, passed_s)
+        slip_sample(limits.friction, contact, friction, sample.stamp_ns, slip, found)
+        if alone and contact.slipping != 0 and NEVER < before_ns <= sample.stamp_ns:
+            drags, passed_s = -vec(evidence.measured), 1e-9 * (sample.stamp_ns - before_ns)
+            evidence.mounted = compare_directions(evidence, slip.linear, drags, passed_s)
     if alone and dt > 0.0:
-        weigh_evidence(config, state, outputs, weights, measured, dt)
-    put_friction(limits.estimate, friction, contact)
+        weigh_evidence(config, state, outputs, measured, dt)
+    put_certain(limits.friction, contact)
     contact.variance[:] = state.observer.variance
     contact.age_ns = stamp_ns - state.slip_inputs[0].stamp_ns
     contact.wrench_health = SensorHealth.SILENT.value if state.wrench_modelled != 0 else SensorHealth.OK.value
-    contact.slip_health, evidence = SensorHealth.SILENT.value if unknown else SensorHealth.OK.value, pad.evidence
-    if pad.directions.mounted != SensorHealth.OK:
-        contact.slip_health = pad.directions.mounted
-    elif evidence.unseen != 0 and contact.age_ns + SEES_NS < stamp_ns - evidence.unseen_ns:
-        contact.slip_health, contact.needs, contact.lacks = (
-            SensorHealth.READS_NOTHING.value, evidence.lacks_of, evidence.carried
-        )  # fmt: skip
+    contact.slip_health = SensorHealth.SILENT.value if unknown else SensorHealth.OK.value
+    if evidence.mounted != SensorHealth.OK:
+        contact.slip_health = evidence.mounted
+    elif evidence.unseen_ns != NEVER and contact.age_ns + SEES_NS < stamp_ns - evidence.unseen_ns:
+        contact.slip_health = SensorHealth.READS_NOTHING.value
 
 
 @part
 def weigh_evidence(
-    config: ControllerConfig, state: ArmState, outputs: CycleOutputs, weights: Spatial, measured: Spatial, dt: float
-) -> None:  # fmt: skip
+    config: ControllerConfig, state: ArmState, outputs: CycleOutputs, measured: Spatial, dt: float
+) -> None:
     """Compare the load with the one that the pad's motion needs, and learn friction where that shows a slip.
 
-    weights: of the components, see `surface`; measured: the load [N] {ee}; dt: since the cycle before [s].
+    measured: the load [N] {ee}; dt: since the cycle before [s].
     """
     pad, limits, motion, stamp_ns = state.pad, config.governor, outputs.motion, state.joint.answers.stamp_ns
     evidence, v_ee = pad.evidence, spatial(motion.v_ee)
     if evidence.begun != 0:
         a = (1.0 / dt) * (v_ee - spatial(evidence.twist))
-        grasped, R = held(config, state, outputs.gains), mat(motion.rotation)
-        needed = load(grasped, weights, R, v_ee.angular, vec(limits.gravity), a)
-        F, seen = pad.grip * pad.estimate.first, pad.estimate.slipping
-        if lacks_load(evidence, pad.commanded, needed, measured, F, seen, stamp_ns, dt):
-            learn_carried(limits.estimate, pad.estimate, evidence.carried / pad.grip, stamp_ns)
+        needed = load(held(config, state, outputs.gains), mat(motion.rotation), v_ee.angular, a)
+        F = pad.grip * pad.contact.first
+        if lacks_load(evidence, pad.contact, pad.commanded, needed, measured, F, stamp_ns, dt):
+            learn_carried(limits.friction, pad.contact, pad.friction, pad.contact.lacks / pad.grip)
     put_spatial(evidence.twist, v_ee)
     evidence.begun = 1
 
@@ -159,21 +136,20 @@ def weigh_evidence(
 @part
 def commanded_load(config: ControllerConfig, state: ArmState, arm: Arm, outputs: CycleOutputs) -> float:
     """Return the load of the acceleration that is commanded without a governor [N]."""
-    limits, w_ee, a_C = config.governor, vec(arm.twist[3:]), spatial(outputs.law.a_C)
-    weights, grasped = surface(spatial(limits.slip_axes), limits.radius), held(config, state, outputs.gains)
-    return size(load(grasped, weights, mat(arm.rotation), w_ee, vec(limits.gravity), a_C))
+    w_ee, a_C = vec(arm.twist[3:]), spatial(outputs.law.a_C)
+    return size(load(held(config, state, outputs.gains), mat(arm.rotation), w_ee, a_C))
 
 
 @part
 def agree_on_friction(config: ControllerConfig, task: TaskState, states: Records[ArmState]) -> None:
     """Use the friction of the weakest pad for the path, and share slip among all pads; config: of the first arm."""
     path, n = task.governor, len(states)
+    limits, now_ns = config.governor.friction, states[0].joint.answers.stamp_ns
     path.contact, path.grip = states[0].pad.contact, states[0].pad.grip
-    if n == 1:
-        return
     for k in range(1, n):
         path.grip = min(path.grip, states[k].pad.grip)
-        weaker(path.contact, states[k].pad.contact)
-    end_slip(config.governor.estimate, path.contact, states[0].joint.answers.stamp_ns)
-    for k in range(n):
-        take_weakest(config.governor.estimate, states[k].pad.estimate, states[k].pad.contact, path.contact)
+        take_weaker(path.contact, states[k].pad.contact)
+    if n > 1:
+        for k in range(n):
+            share_friction(limits, states[k].pad.contact, path.contact, now_ns)
+        share_friction(limits, path.contact, path.contact, now_ns)

@@ -9,7 +9,7 @@ from slip_vic_controller.cycle.contact import begin_pad, held
 from slip_vic_controller.governor import governor
 from slip_vic_controller.governor.guard import hold_back, missing_load
 from slip_vic_controller.governor.layouts import GovernedPad, Governor
-from slip_vic_controller.governor.load import Held, surface
+from slip_vic_controller.governor.load import Held
 from slip_vic_controller.governor.plan import GRID_POINTS, Along, Governing, along, along_at, sample_time
 from slip_vic_controller.governor.step import Pad, step_on
 from slip_vic_controller.law.arm import Arm
@@ -197,11 +197,10 @@ def follow_stream(
         path.rate = 0.0
         return
     drop_passed(stream, path.out_time)
-    weights = surface(spatial(limits_of.slip_axes), limits_of.radius)
     catch_up = CATCH_UP if limits_of.mode == Governing.TIME_OPTIMAL else 1.0
     limits = catch_up, limits_of.most_speed, limits_of.most_turning
     F = limits_of.path_margin * path.usable
-    plan_stream(stream, grasped, weights, vec(limits_of.gravity), limits, F, limits_of.reserve)
+    plan_stream(stream, grasped, limits, F, limits_of.reserve)
     now = at(stream, path.time)
     point = Along(now.rotation, now.twist, now.acceleration, 1.0, 0.0)
     seen, u = seen_from(now, arm, pad), 0.0
@@ -326,7 +325,7 @@ def put_governed(config: ControllerConfig, task: TaskState, state: ArmState, out
     path, pad = task.governor, state.pad
     out.path_s, out.path_rate, out.guard = path.out_s, path.out_rate, pad.guard
     F = pad.grip * pad.contact.F_median
-    out.friction_limit, out.friction_events = F, float(pad.estimate.events)
+    out.friction_limit, out.friction_events = F, float(pad.friction.events)
     out.load_commanded, out.load_measured = pad.commanded, pad.measured
     out.given_up = 1.0 if state.law.given_up.left_s > 0.0 else 0.0
     out.limit, out.load_ratio, out.friction_share, out.margin = float(path.limit), 0.0, 0.0, 0.0

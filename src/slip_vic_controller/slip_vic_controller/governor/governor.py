@@ -14,12 +14,12 @@ import math
 from typing import Final
 
 from slip_core.compiled import part
-from slip_core.vectors import NOTHING, Mat, Spatial, Vec, put_spatial, spatial, vec
-from slip_vic_controller.contact.estimate import SensorHealth, put_friction, start_directions
-from slip_vic_controller.contact.friction_estimate import start_estimate
+from slip_core.vectors import NOTHING, Mat, Spatial, Vec, put_spatial
+from slip_vic_controller.contact.estimate import SensorHealth
+from slip_vic_controller.contact.friction_estimate import start_friction
 from slip_vic_controller.contact.wrench_evidence import start_evidence
 from slip_vic_controller.governor.layouts import GovernedPad, Governor, GovernorConfig
-from slip_vic_controller.governor.load import Held, surface
+from slip_vic_controller.governor.load import Held
 from slip_vic_controller.governor.plan import (
     FASTEST,
     Along,
@@ -77,13 +77,11 @@ def start_pad(config: GovernorConfig, pad: GovernedPad, at_rest: float, weighed:
         grip: over the one for which friction is configured.
     """
     rests_with = at_rest / (grip * config.path_margin) if weighed else 0.0
-    start_estimate(config.estimate, pad.estimate, pad.loads, at_rest / grip, rests_with)
+    start_friction(config.friction, pad.contact, pad.friction, at_rest / grip, rests_with)
     start_evidence(pad.evidence)
-    start_directions(pad.directions)
     pad.contact.v_s[:], pad.contact.variance[:], pad.contact.age_ns = 0.0, 0.0, 0
     pad.contact.slip_health = pad.contact.wrench_health = SensorHealth.OK.value
     pad.contact.needs = pad.contact.lacks = 0.0
-    put_friction(config.estimate, pad.estimate, pad.contact)
     pad.commanded = pad.measured = at_rest
     pad.guard, pad.grip = 1.0, grip
     put_spatial(pad.feedback, NOTHING)
@@ -136,10 +134,9 @@ def sample_point(
     """
     time = sample_time(config.mode, i, state.duration)
     at = along(config, state.duration, time, rotation, twist, acceleration)
-    weights = surface(spatial(config.slip_axes), config.radius)
     most_rate = math.sqrt(FASTEST) if config.mode == Governing.TIME_OPTIMAL else 1.0
     limits = most_rate, config.most_speed, config.most_turning
-    take_point(grid, i, time, at, held, weights, vec(config.gravity), limits)
+    take_point(grid, i, time, at, held, limits)
     heavy = math.sqrt(grid.points[i].cc)
     if i == 0 or heavy > state.weight_load:
         state.weight_load, state.heaviest_time = heavy, time
@@ -156,7 +153,7 @@ def load_to_plan(config: GovernorConfig, state: Governor, grid: PathGrid) -> flo
     F = config.most_grip * min(state.contact.F_lo, config.margin * state.contact.F_median)
     if state.planned == 0:
         at_start = math.sqrt(grid.points[cell(grid, state.s)].cc)
-        F = carried_weight(config, state, F, at_start / config.estimate.kept)
+        F = carried_weight(config, state, F, at_start / config.friction.kept)
     return with_weight(config, state, F)
 
 
@@ -215,7 +212,7 @@ def stops_with(config: GovernorConfig, state: Governor, grid: PathGrid, F: float
 def allow(config: GovernorConfig, state: Governor) -> None:
     """Write which loads path and guard may use now."""
     F, plan_load = state.grip * state.contact.F_median, state.plan_load * (state.grip / config.most_grip)
-    more = state.grip * (state.contact.F_lo + config.estimate.probe)  # than what is certain, where friction is unknown
+    more = state.grip * (state.contact.F_lo + config.friction.probe)  # than what is certain, where friction is unknown
     state.usable = with_weight(config, state, min(more, config.margin * F))
     state.ceiling = with_weight(config, state, min(more, F))
     if state.planned == 1 and plan_load > max(state.usable, config.margin * F):

@@ -6,9 +6,9 @@ import math
 from typing import Final
 
 from slip_core.compiled import part
-from slip_core.vectors import Mat, Spatial, Vec, put_spatial, spatial, vec
+from slip_core.vectors import Mat, Spatial, Vec, put_spatial
 from slip_vic_controller.governor.layouts import GovernedPad, GovernorConfig
-from slip_vic_controller.governor.load import Held, drawn, size, surface, turning, weight
+from slip_vic_controller.governor.load import Held, drawn, size, turning, weight
 from slip_vic_controller.governor.plan import Governing
 
 FAR: Final = 0.01
@@ -89,9 +89,8 @@ def hold_back(
 
     Implements: ours: the load of the commanded acceleration never exceeds F^ unless it slides.
     """
-    weights = surface(spatial(config.slip_axes), config.radius)
-    l_a = drawn(held, weights, R_ee, a_C)
-    l_0 = turning(held, weights, R_ee, w_ee) + weight(held, weights, R_ee, vec(config.gravity))
+    l_a = drawn(held, R_ee, a_C)
+    l_0 = turning(held, R_ee, w_ee) + weight(held, R_ee)
     k = 1.0
     if config.mode != Governing.OFF and not slides:
         alone = size(l_0)  # an object that holds shows that the limit is wrong, and one that slides needs no guard

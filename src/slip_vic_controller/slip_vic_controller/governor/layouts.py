@@ -6,8 +6,8 @@ from typing import Annotated, Final
 
 from slip_core.arrays import Array
 from slip_core.records import Real, Record, Vec3, Vec6, Whole, dtype_of
-from slip_vic_controller.contact.estimate import ContactEstimate, Directions
-from slip_vic_controller.contact.friction_estimate import Estimate, EstimateConfig, LoadHistory
+from slip_vic_controller.contact.estimate import ContactEstimate
+from slip_vic_controller.contact.friction_estimate import FrictionConfig, FrictionEvidence
 from slip_vic_controller.contact.wrench_evidence import WrenchEvidence
 
 MAX_WINDOW: Final = 64
@@ -24,6 +24,7 @@ class GovernorConfig(Record):
     given_up: Real  # share of the load at which it slipped that may be used where nothing less stops on the path
     radius: Real  # m, rho
     slip_axes: Vec6  # Sigma, 0 or 1, {ee}
+    weights: Vec6  # S^-1 Sigma; 1, 1/m
     gravity: Vec3  # m/s^2 {w}
     duration: Real  # s, of the user's path
     length: Real  # m, L: makes turning a length
@@ -33,7 +34,7 @@ class GovernorConfig(Record):
     most_turning: Real  # rad/s
     window: Whole  # cycles of the moving average
     led: Whole  # whether an object that slips leads the path; several arms keep to it
-    estimate: EstimateConfig
+    friction: FrictionConfig
 
 
 class Governor(Record):
@@ -77,10 +78,8 @@ class GovernedPad(Record):
     measured: Real  # N
     guard: Real  # factor on a_C
     grip: Real  # over the one for which F^ is configured
-    estimate: Estimate
-    loads: LoadHistory  # of the last cycles
+    friction: FrictionEvidence
     evidence: WrenchEvidence
-    directions: Directions
     contact: ContactEstimate
 
 

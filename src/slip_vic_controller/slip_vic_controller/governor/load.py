@@ -42,75 +42,72 @@ SPIN_SHARE: Final = 0.1
 class Held(NamedTuple):
     """The object as the pad holds it, on pad axes.
 
-    mass [kg]; inertia J (3, 3) [kg m2] about the centre of mass; r = x_c - x_o [m]; shared: with which other pads.
+    mass [kg]; inertia J (3, 3) [kg m2] about the centre of mass; r = x_c - x_o [m]; weights: S^-1 Sigma, of forces 0 or
+    1, of torques 0 or 1 / radius [1/m]; gravity [m/s^2] {w}; shared: with which other pads.
     """
 
     mass: float
     inertia: Mat
     r: Vec
+    weights: Spatial
+    gravity: Vec
     shared: Shared
 
 
 @part
-def surface(slip_axes: Spatial, radius: float) -> Spatial:
-    """Return S^-1 Sigma as weights of the six components: 0 or 1 for forces, 0 or 1 / radius for torques [1/m]."""
-    return Spatial(slip_axes.linear, (1.0 / radius) * slip_axes.angular)
-
-
-@part
 def at_contact(held: Held, force: Vec, torque: Vec) -> Spatial:
-    """Return G^-1 h_o: a wrench at the centre of mass taken to the contact.
+    """Return S^-1 Sigma G^-1 h_o: the load of a wrench at the centre of mass.
 
     Of several pads: what is never below the load of any of them. Force is shared alike, l = f / n, and a torque about
     the pads' normal asks +-t of them, so |l +- t|^2 <= (1 + e) |l|^2 + (1 + 1 / e) |t|^2 for any e.
     """
     if held.shared.contacts == 1:
-        return Spatial(force, torque - held.r.cross(force))
+        return held.weights * Spatial(force, torque - held.r.cross(force))
     y = held.shared.inverse @ (torque - held.shared.middle.cross(force))
-    return Spatial(
+    return held.weights * Spatial(
         (math.sqrt(1.0 + SPIN_SHARE) / held.shared.contacts) * force,
         (math.sqrt(1.0 + 1.0 / SPIN_SHARE) * held.shared.arm * held.shared.radius) * y,
     )
 
 
 @part
-def drawn(held: Held, weights: Spatial, R: Mat, a: Spatial) -> Spatial:
+def drawn(held: Held, R: Mat, a: Spatial) -> Spatial:
     """Return the load that an acceleration of the pad draws; a [m/s^2, rad/s^2] {w}; R: {ee} to {w}.
 
     Implements: Eq. (10), (17): -S^-1 Sigma R^T G^-1 B_o G^-T a.
     """
     a_c = R.T() @ a
     force = -held.mass * (a_c.linear - a_c.angular.cross(held.r))
-    return weights * at_contact(held, force, -(held.inertia @ a_c.angular))
+    return at_contact(held, force, -(held.inertia @ a_c.angular))
 
 
 @part
-def turning(held: Held, weights: Spatial, R: Mat, w: Vec) -> Spatial:
+def turning(held: Held, R: Mat, w: Vec) -> Spatial:
     """Return the load of turning at w [rad/s] {w}: centripetal and gyroscopic.
 
     Implements: Eq. (10), (17): S^-1 Sigma R^T G^-1 (B_o G^-T Phi2 - C_o v_o).
     """
     w_c = R.T() @ w
     force = held.mass * (w_c.dot(held.r) * w_c - w_c.dot(w_c) * held.r)
-    return weights * at_contact(held, force, -w_c.cross(held.inertia @ w_c))
+    return at_contact(held, force, -w_c.cross(held.inertia @ w_c))
 
 
 @part
-def weight(held: Held, weights: Spatial, R: Mat, gravity: Vec) -> Spatial:
-    """Return the load of the object's weight; gravity [m/s^2] {w}.
+def weight(held: Held, R: Mat) -> Spatial:
+    """Return the load of the object's weight.
 
     Implements: Eq. (10): -S^-1 Sigma R^T G^-1 g_o.
     """
-    return weights * at_contact(held, held.mass * (R.T() @ gravity), Vec(0.0, 0.0, 0.0))
+    return at_contact(held, held.mass * (R.T() @ held.gravity), Vec(0.0, 0.0, 0.0))
 
 
 @part
-def load(held: Held, weights: Spatial, R: Mat, w: Vec, gravity: Vec, a: Spatial) -> Spatial:
+def load(held: Held, R: Mat, w: Vec, a: Spatial) -> Spatial:
     """Return l(a): the load of a pad that turns at w [rad/s] and accelerates at a [m/s^2, rad/s^2]; all {w}.
 
     Implements: Eq. (10), (17) with v_s = 0: S^-1 Sigma R^T h_ee, h_ee = -G^-1 (B_o a_o + C_o v_o + g_o).
     """
-    return drawn(held, weights, R, a) + turning(held, weights, R, w) + weight(held, weights, R, gravity)
+    return drawn(held, R, a) + turning(held, R, w) + weight(held, R)
 
 
 @part

@@ -22,7 +22,7 @@ from typing import Annotated, Final, NamedTuple, Protocol
 
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Records, dtype_of
-from slip_core.vectors import Mat, Spatial, Vec
+from slip_core.vectors import Mat, Spatial
 from slip_vic_controller.governor.layouts import GovernorConfig
 from slip_vic_controller.governor.load import Held, drawn, turning, weight
 
@@ -135,10 +135,7 @@ def along_at(rotation: Mat, twist: Spatial, acceleration: Spatial, speed: float,
 
 
 @part
-def take_point(
-    grid: Sampled, i: int, time: float, at: Along, held: Held, weights: Spatial, gravity: Vec,
-    limits: tuple[float, float, float],
-) -> None:  # fmt: skip
+def take_point(grid: Sampled, i: int, time: float, at: Along, held: Held, limits: tuple[float, float, float]) -> None:
     """Write point i of the grid; the points before it are known.
 
     Args:
@@ -146,8 +143,7 @@ def take_point(
         i: index.
         time: of the user's path [s].
         at: the path there.
-        held, weights: object and limit surface.
-        gravity: [m/s^2] {w}.
+        held: object on pad axes.
         limits: largest sdot, and of the pad's twist [m/s], [rad/s].
     """
     most_rate, most_speed, most_turning = limits
@@ -158,9 +154,9 @@ def take_point(
         before = grid.points[i - 1]
         h = time - before.time
         point.s = before.s + 0.5 * h * (before.speed + at.speed) + h * h / 12.0 * (before.bend - at.bend)
-    l_u = drawn(held, weights, at.rotation, at.tangent)
-    l_x = drawn(held, weights, at.rotation, at.curve) + turning(held, weights, at.rotation, at.tangent.angular)
-    l_c = weight(held, weights, at.rotation, gravity)
+    l_u = drawn(held, at.rotation, at.tangent)
+    l_x = drawn(held, at.rotation, at.curve) + turning(held, at.rotation, at.tangent.angular)
+    l_c = weight(held, at.rotation)
     point.uu, point.ux, point.uc = l_u.dot(l_u), l_u.dot(l_x), l_u.dot(l_c)
     point.xx, point.xc, point.cc = l_x.dot(l_x), l_x.dot(l_c), l_c.dot(l_c)
     point.cap = min(

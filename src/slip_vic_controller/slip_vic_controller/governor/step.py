@@ -11,10 +11,10 @@ from enum import IntEnum, unique
 from typing import Final, NamedTuple
 
 from slip_core.compiled import part
-from slip_core.vectors import Mat, Spatial, Vec, spatial, vec
+from slip_core.vectors import Mat, Spatial, Vec
 from slip_vic_controller.contact.friction_estimate import Friction
 from slip_vic_controller.governor.layouts import Governor, GovernorConfig
-from slip_vic_controller.governor.load import Held, drawn, size, surface, turning, weight
+from slip_vic_controller.governor.load import Held, drawn, size, turning, weight
 from slip_vic_controller.governor.plan import MOST_U, Along, Governing, left_for_motion, range_of_u
 
 MORE_THAN_WEIGHT: Final = 1.0 + 1e-6
@@ -68,15 +68,14 @@ class PathLoad(NamedTuple):
 
 
 @part
-def path_load(config: GovernorConfig, rate: float, held: Held, point: Along, pad: Pad) -> PathLoad:
+def path_load(rate: float, held: Held, point: Along, pad: Pad) -> PathLoad:
     """Return the load of following the path at sdot = rate from a point of it."""
-    weights, R = surface(spatial(config.slip_axes), config.radius), pad.R
-    l_c = weight(held, weights, R, vec(config.gravity))
-    l_0 = turning(held, weights, R, pad.v.angular) + l_c
-    curve = drawn(held, weights, R, point.curve)
+    R, l_c = pad.R, weight(held, pad.R)
+    l_0 = turning(held, R, pad.v.angular) + l_c
+    curve = drawn(held, R, point.curve)
     planned = (rate * rate) * curve + l_0
-    rest = planned + drawn(held, weights, R, pad.feedback)
-    return PathLoad(drawn(held, weights, R, point.tangent), rest, planned, curve + l_0, size(l_c))
+    rest = planned + drawn(held, R, pad.feedback)
+    return PathLoad(drawn(held, R, point.tangent), rest, planned, curve + l_0, size(l_c))
 
 
 # -- the limits
@@ -122,7 +121,7 @@ def of_catching_up(config: GovernorConfig, state: Governor, load: PathLoad) -> I
     certified = state.grip * state.contact.carried
     if config.mode != Governing.SLOW_DOWN or load.weight >= certified:
         return at_most(MOST_U)
-    F = max(certified + state.grip * config.estimate.probe, size(load.full))
+    F = max(certified + state.grip * config.friction.probe, size(load.full))
     found = carried(load.per_u, load.rest, F)
     return at_most(max(found.high, 0.0) if found.met else 0.0)
 
@@ -162,7 +161,7 @@ def step_on(
         dt: control period [s].
     """
     K, slope = ahead
-    rate, load = state.rate, path_load(config, state.rate, held, point, pad)
+    rate, load = state.rate, path_load(state.rate, held, point, pad)
     speed_up = to_bound(K, slope, rate, most_rate, dt)
     limits = (
         of_path(rate, speed_up, dt),
@@ -204,6 +203,6 @@ def with_weight(config: GovernorConfig, state: Governor, F: float) -> float:
     On the way there is nothing better than to continue slowly: a stop throws what hardly holds, and the weight is there
     at rest too. With unknown friction what carries the weight can only be found by trying, up to the configured limit.
     """
-    if state.planned == 0 and config.estimate.friction != Friction.UNKNOWN:
+    if state.planned == 0 and config.friction.friction != Friction.UNKNOWN:
         return F
     return carried_weight(config, state, F, state.weight_load)

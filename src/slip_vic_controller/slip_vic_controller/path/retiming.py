@@ -14,8 +14,8 @@ from slip_core.compiled import IN1, IN2, OUT1, REAL, VOID, kernel, part
 from slip_core.records import Mat3, Real, Record, Vec3, dtype_of, layout, record
 from slip_core.vectors import NOTHING, ZERO, mat, spatial, vec
 from slip_vic_controller.governor import governor
-from slip_vic_controller.governor.layouts import GOVERNOR, GOVERNOR_CONFIG, PAD
-from slip_vic_controller.governor.load import ALONE, Held, size, surface, weight
+from slip_vic_controller.governor.layouts import GOVERNOR, GOVERNOR_CONFIG, PAD, GovernorConfig
+from slip_vic_controller.governor.load import ALONE, Held, size, weight
 from slip_vic_controller.governor.plan import GRID_POINTS, PATH_GRID, along, sample_time
 from slip_vic_controller.governor.step import Pad
 
@@ -46,9 +46,10 @@ HELD_OBJECT, STEP, MEMORY = dtype_of(HeldObject), dtype_of(Step), layout(
 
 
 @part
-def held_object(held: HeldObject) -> Held:
+def held_object(config: GovernorConfig, held: HeldObject) -> Held:
     """Return the object as the governor takes it; one pad holds it."""
-    return Held(held.mass, mat(held.inertia), vec(held.r), ALONE)
+    weights, gravity = spatial(config.weights), vec(config.gravity)
+    return Held(held.mass, mat(held.inertia), vec(held.r), weights, gravity, ALONE)
 
 
 @kernel(VOID(IN1, OUT1))
@@ -70,11 +71,12 @@ def plan_timing(config: Array, memory: Array, held: Array, motion: Array) -> Non
         motion: of the pad at the `sample_times` (GRID_POINTS, 21) {w}: attitude by rows, twist and acceleration over
             the path's own time.
     """
-    c, m, grasped = record(config, GOVERNOR_CONFIG), record(memory, MEMORY), held_object(record(held, HELD_OBJECT))
+    c, m = record(config, GOVERNOR_CONFIG), record(memory, MEMORY)
+    grasped = held_object(c, record(held, HELD_OBJECT))
     start = mat(motion[0, :9].reshape(3, 3))
-    at_rest = size(weight(grasped, surface(spatial(c.slip_axes), c.radius), start, vec(c.gravity)))
+    at_rest = size(weight(grasped, start))
     governor.start_pad(c, m.pad, at_rest, False, 1.0)
-    m.pad.estimate.certified = m.pad.estimate.F_hat  # a plan uses all of the configured friction
+    m.pad.contact.F_lo = m.pad.contact.carried = m.pad.contact.F_median  # a plan uses all of the configured friction
     governor.start_governor(c, m.governor, m.pad)
     for i in range(GRID_POINTS):
         R = mat(motion[i, :9].reshape(3, 3))
@@ -98,7 +100,7 @@ def step_timing(
     state, R = m.governor, mat(rotation)
     point = along(c, state.duration, state.time, R, spatial(twist), spatial(acceleration))
     pad = Pad(ZERO, R, state.rate * point.tangent, NOTHING)
-    governor.run(c, state, m.grid, held_object(record(held, HELD_OBJECT)), point, pad, math.inf, dt)
+    governor.run(c, state, m.grid, held_object(c, record(held, HELD_OBJECT)), point, pad, math.inf, dt)
     o.time = state.out_time
     o.arrived = 1.0 if state.arrived == 1 and state.out_rate == 0.0 else 0.0
 

@@ -129,8 +129,6 @@ def drop_passed(stream: Stream, time: float) -> None:
 def plan_stream(
     stream: Stream,
     held: Held,
-    weights: Spatial,
-    gravity: Vec,
     limits: tuple[float, float, float],
     F: float,
     reserve: float,
@@ -142,7 +140,7 @@ def plan_stream(
     for i in range(first, n):
         sample = read_reference(stream.samples[i])
         along = Along(sample.rotation, sample.twist, sample.acceleration, 1.0, 0.0)
-        take_point(stream, i, stream.points[i].time, along, held, weights, gravity, limits)
+        take_point(stream, i, stream.points[i].time, along, held, limits)
     if first >= n and not again:
         return
     stream.load, stream.fresh = F, n
