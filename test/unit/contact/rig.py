@@ -74,7 +74,8 @@ class Observer:
     def observe(self, motion: np.ndarray, stamp_ns: int, samples) -> bool:
         """Take in a tick, a MOTION buffer, and its samples: pairs of stamp and twist (6,)."""
         fresh = np.zeros((len(samples), SLIP_SAMPLE.itemsize // 8))
-        for sample, (sample_ns, twist) in zip(fresh.view(SLIP_SAMPLE)[:, 0], samples, strict=True):
+        ordered = sorted(samples, key=lambda sample: sample[0])  # as the queue has them
+        for sample, (sample_ns, twist) in zip(fresh.view(SLIP_SAMPLE)[:, 0], ordered, strict=True):
             sample["stamp_ns"], sample["twist"] = sample_ns, twist
         return self.observe_packed(motion, stamp_ns, fresh)
 

@@ -14,14 +14,13 @@ On pad axes; v in m/s (linear) or rad/s (angular), b in m/s^2 or rad/s^2, c with
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 from slip_core.compiled import part
 from slip_core.records import Real, Record, dtype_of
 
 
-class AxisRecord(Record):
-    """An `Axis` in a buffer: estimate and covariance of one axis."""
+class Axis(Record):
+    """Estimate (v, b, c) of one axis and its covariance P."""
 
     v: Real  # m/s or rad/s; slip velocity
     b: Real  # m/s^2 or rad/s^2; constant error of the predicted acceleration
@@ -34,7 +33,7 @@ class AxisRecord(Record):
     P_cc: Real
 
 
-AXIS = dtype_of(AxisRecord)
+AXIS = dtype_of(Axis)
 
 RARE = 1e-6
 """Probability of the dead band below which only its near edge matters."""
@@ -42,164 +41,86 @@ _SQRT_HALF = math.sqrt(0.5)
 _INVERSE_SQRT_TWO_PI = 1.0 / math.sqrt(2.0 * math.pi)
 
 
-class Axis(NamedTuple):
-    """Estimate (v, b, c) of one axis and its covariance P; the numbers of an `AxisRecord`."""
-
-    v: float
-    b: float
-    c: float
-    P_vv: float
-    P_vb: float
-    P_vc: float
-    P_bb: float
-    P_bc: float
-    P_cc: float
+@part
+def put_velocity(x: Axis, v: float, P_vv: float) -> None:
+    """Set the slip velocity, as one that has nothing to do with the model's errors."""
+    x.v, x.P_vv, x.P_vb, x.P_vc = v, P_vv, 0.0, 0.0
 
 
 @part
-def read_axis(a: AxisRecord) -> Axis:
-    """Return the numbers of a record."""
-    return Axis(a.v, a.b, a.c, a.P_vv, a.P_vb, a.P_vc, a.P_bb, a.P_bc, a.P_cc)
+def forget_errors(x: Axis, P_bb: float, P_cc: float) -> None:
+    """Let the model's errors be as unknown as in the beginning: the estimates of them stay."""
+    x.P_vb, x.P_vc, x.P_bb, x.P_bc, x.P_cc = 0.0, 0.0, P_bb, 0.0, P_cc
 
 
 @part
-def put_axis(a: AxisRecord, x: Axis) -> None:
-    """Write the numbers to a record."""
-    a.v, a.b, a.c = x.v, x.b, x.c
-    a.P_vv, a.P_vb, a.P_vc = x.P_vv, x.P_vb, x.P_vc
-    a.P_bb, a.P_bc, a.P_cc = x.P_bb, x.P_bc, x.P_cc
-
-
-@part
-def predict(x: Axis, step: float, f: float, dt: float, q_v: float, q_b: float) -> Axis:
-    """Return the estimate one tick later: x <- F x + u, P <- F P F^T + Q.
+def predict(x: Axis, step: float, f: float, dt: float, q_v: float, q_b: float) -> None:
+    """Take the estimate one tick further: x <- F x + u, P <- F P F^T + Q.
 
     F = [[1, -dt, -dt f], [0, 1, 0], [0, 0, 1]], u = (step, 0, 0), Q = diag(q_v, q_b, 0).
 
     Args:
-        x: the estimate.
+        x: the estimate; changed.
         step: change of the slip velocity as the uncorrected model has it [m/s or rad/s].
         f: specific force that the proportional error acts on [m/s^2 or rad/s^2].
         dt: time since `x` [s].
         q_v: variance that process noise adds to v in this time.
         q_b: variance that drift adds to b in this time.
     """
-    v, b, c, P_vv, P_vb, P_vc, P_bb, P_bc, P_cc = x
-    u_b = P_bb + f * P_bc  # covariance of the acceleration error b + c f with b
-    u_c = P_bc + f * P_cc  # and with c
-    P_vv += dt * (dt * (u_b + f * u_c) - 2.0 * (P_vb + f * P_vc)) + q_v
-    return Axis(v + step - dt * (b + c * f), b, c, P_vv, P_vb - dt * u_b, P_vc - dt * u_c, P_bb + q_b, P_bc, P_cc)
+    u_b = x.P_bb + f * x.P_bc  # covariance of the acceleration error b + c f with b
+    u_c = x.P_bc + f * x.P_cc  # and with c
+    x.v = x.v + step - dt * (x.b + x.c * f)
+    x.P_vv += dt * (dt * (u_b + f * u_c) - 2.0 * (x.P_vb + f * x.P_vc)) + q_v
+    x.P_vb -= dt * u_b
+    x.P_vc -= dt * u_c
+    x.P_bb += q_b
 
 
 @part
-def correct(x: Axis, z: float, R: float) -> Axis:
-    """Return the estimate with a measurement z of v, variance R, taken in: Kalman's correction with H = (1, 0, 0)."""
-    v, b, c, P_vv, P_vb, P_vc, P_bb, P_bc, P_cc = x
-    S = P_vv + R
-    k_v, k_b, k_c = P_vv / S, P_vb / S, P_vc / S
-    innovation = z - v
+def correct(x: Axis, z: float, R: float) -> None:
+    """Take in a measurement z of v, variance R: Kalman's correction with H = (1, 0, 0)."""
+    S, innovation = x.P_vv + R, z - x.v
+    k_v, k_b, k_c = x.P_vv / S, x.P_vb / S, x.P_vc / S
     left = R / S  # 1 - k_v without the loss of digits
-    return Axis(
-        v + k_v * innovation,
-        b + k_b * innovation,
-        c + k_c * innovation,
-        left * P_vv,
-        left * P_vb,
-        left * P_vc,
-        P_bb - k_b * P_vb,
-        P_bc - k_b * P_vc,
-        P_cc - k_c * P_vc,
-    )
+    x.v += k_v * innovation
+    x.b += k_b * innovation
+    x.c += k_c * innovation
+    x.P_bb -= k_b * x.P_vb
+    x.P_bc -= k_b * x.P_vc
+    x.P_cc -= k_c * x.P_vc
+    x.P_vv *= left
+    x.P_vb *= left
+    x.P_vc *= left
 
 
 @part
-def zero_velocity_update(x: Axis, step: float, f: float, dt: float, q_v: float, q_b: float) -> Axis:
-    """Return the estimate after a tick in stick: v is zero before and after it, so `step` is the model's error alone.
+def correct_within(x: Axis, band: float, R: float) -> None:
+    """Take in a reading of zero: a measurement, variance R, that lies within +-`band` [m/s or rad/s].
 
-    It is `predict` from v = 0 without variance, then `correct` with v = 0 measured exactly; arguments of `predict`.
-    """
-    H_b, H_c = dt, dt * f
-    u_b = H_b * x.P_bb + H_c * x.P_bc
-    u_c = H_b * x.P_bc + H_c * x.P_cc
-    S = H_b * u_b + H_c * u_c + q_v
-    innovation = step - (H_b * x.b + H_c * x.c)
-    k_b, k_c = u_b / S, u_c / S
-    return Axis(
-        0.0,
-        x.b + k_b * innovation,
-        x.c + k_c * innovation,
-        0.0,
-        0.0,
-        0.0,
-        x.P_bb - k_b * u_b + q_b,
-        x.P_bc - k_b * u_c,
-        x.P_cc - k_c * u_c,
-    )
-
-
-@part
-def robust_variance(x: Axis, z: float, R: float, limit: float) -> float:
-    """Return the variance to use for a measurement z: more than R where it lies beyond `limit` standard deviations.
-
-    An outlier pulls with the force of `limit` deviations, never more, and a lasting one prevails.
-    """
-    S = x.P_vv + R
-    innovation = z - x.v
-    excess = innovation * innovation - limit * limit * S
-    return R if excess <= 0.0 else R + excess / (limit * limit)
-
-
-@part
-def contradicts(x: Axis, z: float, R: float, limit: float, band: float) -> bool:
-    """Return whether a measurement z, variance R, lies beyond `limit` standard deviations of the estimate.
-
-    band: 0, or where z = 0 only means that the measurement lies within +-`band` [m/s or rad/s].
-    """
-    beyond = max(abs(z - x.v) - band, 0.0)
-    return beyond * beyond > limit * limit * (x.P_vv + R)
-
-
-@part
-def probability_within(x: Axis, band: float, R: float) -> float:
-    """Return the probability of a measurement, variance R, within +-`band` [m/s or rad/s]: Phi(high) - Phi(low)."""
-    deviation = math.sqrt(x.P_vv + R)
-    low, high = (-band - x.v) / deviation, (band - x.v) / deviation
-    return 0.5 * (math.erf(high * _SQRT_HALF) - math.erf(low * _SQRT_HALF))
-
-
-@part
-def correct_truncated(x: Axis, band: float, R: float, inside: float) -> Axis:
-    """Return the estimate with a measurement somewhere within +-`band` taken in; `inside`: its probability, not tiny.
-
-    Mean and variance of the truncated normal distribution take the place of the measurement's.
+    The posterior has mean and variance of a truncated normal distribution: those that a measurement would leave whose
+    innovation and variance are worked out here.
     """
     S = x.P_vv + R
     deviation = math.sqrt(S)
     low, high = (-band - x.v) / deviation, (band - x.v) / deviation
+    inside = 0.5 * (math.erf(high * _SQRT_HALF) - math.erf(low * _SQRT_HALF))
+    if inside < RARE:  # so far outside that only the near edge matters
+        correct(x, math.copysign(band, x.v), R)
+        return
     at_low = math.exp(-0.5 * low * low) * _INVERSE_SQRT_TWO_PI
     at_high = math.exp(-0.5 * high * high) * _INVERSE_SQRT_TWO_PI
     shift = (at_low - at_high) / inside
-    spread = 1.0 + (low * at_low - high * at_high) / inside - shift * shift
-    gain = (1.0 - spread) / S  # of the variance; a plain correction has spread 0
-    k_v, k_b, k_c = x.P_vv, x.P_vb, x.P_vc
-    move = shift / deviation
-    return Axis(
-        x.v + k_v * move,
-        x.b + k_b * move,
-        x.c + k_c * move,
-        k_v - gain * k_v * k_v,
-        k_b - gain * k_v * k_b,
-        k_c - gain * k_v * k_c,
-        x.P_bb - gain * k_b * k_b,
-        x.P_bc - gain * k_b * k_c,
-        x.P_cc - gain * k_c * k_c,
-    )
+    told = shift * shift - (low * at_low - high * at_high) / inside  # 1 - variance over S; a plain measurement tells 1
+    if told > 0.0:
+        correct(x, x.v + shift * deviation / told, S / told - x.P_vv)
 
 
 @part
-def correct_within(x: Axis, band: float, R: float) -> Axis:
-    """Return the estimate with a reading of zero taken in: the measurement, variance R, lies within +-`band`."""
-    inside = probability_within(x, band, R)
-    if inside < RARE:  # so far outside that only the near edge matters
-        return correct(x, math.copysign(band, x.v), R)
-    return correct_truncated(x, band, R, inside)
+def excess(x: Axis, z: float, R: float, limit: float) -> float:
+    """Return by how much the square of an innovation exceeds that of `limit` standard deviations, 0 where it does not.
+
+    Added to R over limit^2, it lets an outlier pull with the force of `limit` deviations, never more, and a lasting one
+    prevails.
+    """
+    innovation = z - x.v
+    return max(innovation * innovation - limit * limit * (x.P_vv + R), 0.0)

@@ -8,19 +8,14 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from slip_core.arrays import Array
-from slip_core.errors import InputError
 from slip_core.records import new, record
 from slip_vic_controller.contact.layouts import OBSERVER_CONFIG, ObserverConfig
 from slip_vic_controller.params.controller_params import ControllerParams
 
-SPARE_ROWS = 64
-"""Rows of the history beyond those that are expected: samples that come in a burst."""
 WITNESSES = 3
 """Samples in a row in which a real sensor must show slip: two outliers in a row occur every minute."""
 TOGETHER = 1.2
 """Shift of the tested mean by these samples together, over the significant one [1]."""
-MOST_ROWS = 100_000
-"""Rows of a history that still fits into memory and into a cycle many times."""
 
 
 class Tuning(NamedTuple):
@@ -124,20 +119,5 @@ def observer_config(params: ControllerParams, tuning: Tuning = TUNING) -> Array:
 
 
 def capacity(params: ControllerParams, tuning: Tuning = TUNING) -> int:
-    """Return how many rows the history needs: ticks of the memory with their samples, or the window in stick.
-
-    More samples than the sensor's rate gives make the history shorter in time, not longer.
-
-    Raises:
-        InputError: it would be too long.
-    """
-    T = params.control_period_s
-    ticks = math.ceil(tuning.memory_s / T) + 1
-    period = params.slip_sensor.period_s or T
-    samples = math.ceil(tuning.memory_s / period) + 1
-    window = max(1, round(tuning.window_s / T))
-    rows = max(ticks + samples, window + 1) + SPARE_ROWS
-    if rows > MOST_ROWS:
-        what = "parameters control_period_s, slip_sensor.rate_hz"
-        raise InputError(what, got=f"a history of {rows} rows", expected=f"at most {MOST_ROWS}")
-    return rows
+    """Return how many rows the history needs: ticks of the memory, or the window in stick."""
+    return math.ceil(max(tuning.memory_s, tuning.window_s) / params.control_period_s) + 2

@@ -1,23 +1,12 @@
-"""The history: rows in a ring, oldest first, in the order in which they count."""
+"""The history: ticks in a ring, oldest first, each with the samples that count at it."""
 
 from __future__ import annotations
 
 from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.records import Records
-from slip_vic_controller.contact.layouts import (
-    AXES,
-    ROW,
-    SAMPLE_ROW,
-    TICK_ROW,
-    Observer,
-    ObserverConfig,
-    Row,
-)
+from slip_vic_controller.contact.layouts import AXES, Observer, ObserverConfig, Row
 from slip_vic_controller.law.contact import StampedSlip
-
-_HEAD = ROW.fields["axes"][1] // 8  # type: ignore[index]
-"""Numbers of a row before its estimate."""
 
 
 @part
@@ -41,89 +30,34 @@ def drop_oldest(state: Observer, rows: Records[Row]) -> None:
 
 
 @part
-def clear(state: Observer, history: Array, i: int) -> None:
-    """Forget what was in the place of row number i before, so that equal states have equal bytes."""
-    place = slot(state, history.shape[0], i)
-    for j in range(history.shape[1]):
-        history[place, j] = 0.0
-
-
-@part
 def append(state: Observer, history: Array, rows: Records[Row]) -> Row:
-    """Return a new last row; where there is no room the oldest one goes."""
+    """Return a new last row of zeros; where there is no room the oldest one goes."""
     if state.rows == len(rows):
         drop_oldest(state, rows)
     state.rows += 1
-    clear(state, history, state.rows - 1)
+    history[slot(state, len(rows), state.rows - 1), :] = 0.0
     return row_at(state, rows, state.rows - 1)
 
 
 @part
-def newest_tick(state: Observer, rows: Records[Row]) -> int:
-    """Return the number of the last row that is a tick."""
-    i = state.rows - 1
-    while row_at(state, rows, i).kind != TICK_ROW:
-        i -= 1
-    return i
+def place_samples(
+    config: ObserverConfig, state: Observer, rows: Records[Row], samples: Records[StampedSlip], count: int
+) -> int:
+    """Add samples to the ticks at which they count; return the first row that is new or has changed.
 
-
-@part
-def before(config: ObserverConfig, a: StampedSlip, b: StampedSlip) -> bool:
-    """Return whether sample a counts before sample b: by stamp, then by value, whatever the order of arrival."""
-    if a.stamp_ns != b.stamp_ns:
-        return a.stamp_ns < b.stamp_ns
-    for i in range(AXES):
-        if config.axes[i] and a.twist[i] != b.twist[i]:
-            return bool(a.twist[i] < b.twist[i])
-    return False
-
-
-@part
-def next_sample(config: ObserverConfig, samples: Records[StampedSlip], count: int, last: int) -> int:
-    """Return the number of the sample that counts next after number `last`, or first of all where that is -1."""
-    found = -1
-    for i in range(count):
-        later = (
-            last < 0
-            or before(config, samples[last], samples[i])
-            or (i > last and not before(config, samples[i], samples[last]))
-        )
-        if later and (found < 0 or before(config, samples[i], samples[found])):
-            found = i
-    return found
-
-
-@part
-def insert(config: ObserverConfig, state: Observer, history: Array, rows: Records[Row], sample: StampedSlip) -> int:
-    """Put a sample behind the first tick not before its stamp, else the last one; return the number of its row.
-
-    There is room for it, and the oldest row is of a tick before its stamp. The estimates of the rows behind it are
-    void.
+    A sample counts at the first tick not before its stamp, else at the last one. One that is not younger than the
+    oldest row is too late.
     """
-    capacity, count = len(rows), state.rows
-    tick = count
-    while tick > 0 and row_at(state, rows, tick - 1).stamp_ns >= sample.stamp_ns:
-        tick -= 1
-    if tick == count:
-        tick = newest_tick(state, rows)
-    p = tick + 1
-    while p < count:
-        row = row_at(state, rows, p)
-        if row.kind == TICK_ROW or before(config, sample, row.sample):
-            break
-        p += 1
-    state.rows += 1
-    clear(state, history, count)
-    for i in range(count, p, -1):
-        to, source = slot(state, capacity, i), slot(state, capacity, i - 1)
-        for j in range(_HEAD):
-            history[to, j] = history[source, j]
-    for j in range(_HEAD):
-        history[slot(state, capacity, p), j] = 0.0
-    row = row_at(state, rows, p)
-    row.stamp_ns = row_at(state, rows, tick).stamp_ns
-    row.kind = SAMPLE_ROW
-    row.sample.stamp_ns = sample.stamp_ns
-    for i in range(AXES):
-        row.sample.twist[i] = sample.twist[i] if config.axes[i] else 0.0
-    return p
+    first = state.rows - 1
+    for k in range(count):
+        sample, i = samples[k], state.rows - 1
+        if sample.stamp_ns <= row_at(state, rows, 0).stamp_ns:
+            state.late += 1
+            continue
+        while row_at(state, rows, i - 1).stamp_ns >= sample.stamp_ns:
+            i -= 1
+        row, first = row_at(state, rows, i), min(first, i)
+        row.samples += 1
+        for j in range(AXES):
+            row.reads[j] += sample.twist[j] if config.axes[j] else 0.0
+    return first

@@ -9,19 +9,17 @@ from __future__ import annotations
 from typing import Annotated
 
 from slip_core.arrays import Array
-from slip_core.records import Mat3, Real, Record, Records, Vec3, Vec6, Whole, WholeArray, dtype_of
-from slip_vic_controller.contact.axis import AxisRecord
-from slip_vic_controller.law.contact import StampedSlip
+from slip_core.records import Mat3, Real, Record, Records, Vec3, Vec6, Whole, dtype_of
+from slip_vic_controller.contact.axis import Axis
 
 AXES = 6
 Axes = Annotated[Array, AXES]
-WholeAxes = Annotated[WholeArray, AXES]
 
 
 class ObserverConfig(Record):
     """Tuning; speeds and accelerations in m/s, m/s^2 on linear and rad/s, rad/s^2 on angular axes."""
 
-    axes: WholeAxes  # 1 where the axis is filtered
+    axes: Axes  # 1 where the axis is filtered
     measurement_variance: Axes  # R of a slip sample
     process_variance: Axes  # Q of v per tick, from wrench noise and model
     drift_variance: Axes  # Q of b per tick
@@ -79,21 +77,19 @@ class Observer(Record):
     significance: Real  # normalised innovation squared
     v_ee: Vec6  # m/s, rad/s {w}; twist of the pad at the last tick
     sample_mean: Axes  # of the samples that were measured in stick, weighted
-    axes: Annotated[Records[AxisRecord], AXES]  # the filters
+    axes: Annotated[Records[Axis], AXES]  # the filters
 
 
 OBSERVER = dtype_of(Observer)
 
-TICK_ROW, SAMPLE_ROW = 0, 1
-
 
 class Row(Record):
-    """A row of the history: a tick, or a sample behind the tick at which it counts."""
+    """A row of the history: a tick, and the samples that count at it."""
 
-    stamp_ns: Whole  # of the tick
-    kind: Whole  # TICK_ROW or SAMPLE_ROW
-    sample: StampedSlip  # of a SAMPLE_ROW
-    contradicts: Whole  # whether the sample contradicts the estimate before it
+    stamp_ns: Whole
+    samples: Whole  # how many
+    reads: Axes  # their sum
+    contradicts: Whole  # whether their mean contradicts the estimate before it
     dt: Real  # s; since the tick before
     turn_linear: Vec3  # rad/s; w_ee + 2 w_o
     turn_angular: Vec3  # rad/s; w_ee + w_o
@@ -102,10 +98,7 @@ class Row(Record):
     force: Axes  # specific force
     velocity_variance: Axes  # of the pad's velocity
     change_variance: Axes  # of the noise in `step`
-    time: Real  # s; in stick: dt added up since its beginning
-    steps: Axes  # in stick: step added up
-    impulses: Axes  # in stick: dt force added up
-    axes: Annotated[Records[AxisRecord], AXES]  # in slip: the estimate with this row taken in
+    axes: Annotated[Records[Axis], AXES]  # in slip: the estimate with this row taken in
 
 
 ROW = dtype_of(Row)

@@ -7,27 +7,22 @@ from __future__ import annotations
 
 import math
 
-from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.records import Records
 from slip_core.vectors import Spatial, Vec, vec
 from slip_vic_controller.contact.axis import (
     Axis,
-    AxisRecord,
-    contradicts,
     correct,
     correct_within,
+    excess,
+    forget_errors,
     predict,
-    put_axis,
-    read_axis,
-    robust_variance,
+    put_velocity,
 )
-from slip_vic_controller.contact.history import drop_oldest, insert, newest_tick, row_at
-from slip_vic_controller.contact.layouts import AXES, SAMPLE_ROW, TICK_ROW, Observer, ObserverConfig, Row
+from slip_vic_controller.contact.history import drop_oldest, place_samples, row_at
+from slip_vic_controller.contact.layouts import AXES, Observer, ObserverConfig, Row
 from slip_vic_controller.law.contact import StampedSlip
 
-LEAST_SHARE = 1e-3
-"""Share of an axis across the friction force below which the direction does not constrain it."""
 LASTING = 3
 """Samples in a row that contradict the estimate: then it is the model that is wrong, and no outliers."""
 
@@ -39,13 +34,13 @@ def component(s: Spatial, i: int) -> float:
 
 
 @part
-def slip_velocity(axes: Records[AxisRecord]) -> Spatial:
+def slip_velocity(axes: Records[Axis]) -> Spatial:
     """Return the estimated slip velocity; [m/s, rad/s] {ee}."""
     return Spatial(Vec(axes[0].v, axes[1].v, axes[2].v), Vec(axes[3].v, axes[4].v, axes[5].v))
 
 
 @part
-def predict_tick(config: ObserverConfig, ahead: Records[AxisRecord], row: Row) -> None:
+def predict_tick(config: ObserverConfig, ahead: Records[Axis], row: Row) -> None:
     """Predict the estimate `ahead` of a tick over it.
 
     step - dt (w_ee x + Phi1') v_s: turning axes and Coriolis take from the slip velocity what they turn it by.
@@ -54,9 +49,10 @@ def predict_tick(config: ObserverConfig, ahead: Records[AxisRecord], row: Row) -
     turning = Spatial(vec(row.turn_linear).cross(v.linear), vec(row.turn_angular).cross(v.angular))
     for i in range(AXES):
         if config.axes[i]:
+            row.axes[i] = ahead[i]
             step = row.step[i] - row.dt * component(turning, i)
             q_v, q_b = config.process_variance[i] + row.change_variance[i], config.drift_variance[i]
-            put_axis(row.axes[i], predict(read_axis(ahead[i]), step, row.force[i], row.dt, q_v, q_b))
+            predict(row.axes[i], step, row.force[i], row.dt, q_v, q_b)
 
 
 @part
@@ -66,14 +62,11 @@ def friction_direction_update(config: ObserverConfig, row: Row) -> None:
     v is corrected towards (v.d)+ d / d^2 with d = drag + b + c f, where the axis is not along d. The friction
     coefficient does not matter. The correction is weak, because pads are not alike in all directions.
     """
-    if config.friction_spread == 0.0:
-        return
-    axes = row.axes
-    x, y, z = axes[0], axes[1], axes[2]
+    x, y, z = row.axes[0], row.axes[1], row.axes[2]
     v, b = Vec(x.v, y.v, z.v), Vec(x.b, y.b, z.b)
     d = vec(row.drag) + b + Vec(x.c * row.force[0], y.c * row.force[1], z.c * row.force[2])
     square = d.dot(d)
-    if square == 0.0:
+    if config.friction_spread == 0.0 or square == 0.0:
         return
     along = v.dot(d) / square
     spread = config.friction_spread * v.norm()
@@ -81,48 +74,49 @@ def friction_direction_update(config: ObserverConfig, row: Row) -> None:
         if config.axes[i]:
             # Where the direction is possible nothing is said of the speed along it: only the share across counts.
             across = 1.0 - d[i] * d[i] / square if along > 0.0 else 1.0
-            if across > LEAST_SHARE:
+            if across > 0.0:
                 R = config.friction_memory_ticks * (spread * spread + config.floor_variance[i]) / across
-                put_axis(axes[i], correct(read_axis(axes[i]), max(along, 0.0) * d[i], R))
+                correct(row.axes[i], max(along, 0.0) * d[i], R)
 
 
 @part
-def reads_within(config: ObserverConfig, sample: StampedSlip, i: int) -> float:
-    """Return the dead band in which an axis of a sample lies, 0 where the sample reads a number."""
+def read_part(config: ObserverConfig, row: Row, i: int) -> tuple[float, float, float]:
+    """Return what the samples of a row read on an axis, its variance, and the dead band, 0 where they read a number."""
     first = 0 if i < 3 else 3
-    reads = sample.twist
-    size = abs(reads[first]) + abs(reads[first + 1]) + abs(reads[first + 2])
-    return config.dead_band[i] if size == 0.0 else 0.0
+    size = abs(row.reads[first]) + abs(row.reads[first + 1]) + abs(row.reads[first + 2])
+    band = config.dead_band[i] if size == 0.0 else 0.0
+    return row.reads[i] / row.samples, config.measurement_variance[i] / row.samples, band
 
 
 @part
-def correct_sample(config: ObserverConfig, ahead: Records[AxisRecord], row: Row) -> None:
-    """Correct with the sample of a row; a part that reads zero is only known to lie within the dead band."""
-    row.contradicts = 0
+def correct_samples(config: ObserverConfig, row: Row) -> None:
+    """Correct with the samples of a row; a part that reads zero is only known to lie within the dead band."""
+    row.contradicts, limit = 0, config.outlier_deviations
     for i in range(AXES):
         if config.axes[i]:
-            x, z, R = read_axis(ahead[i]), row.sample.twist[i], config.measurement_variance[i]
-            band, limit = reads_within(config, row.sample, i), config.outlier_deviations
-            if contradicts(x, z, R, limit, band):
+            x = row.axes[i]
+            z, R, band = read_part(config, row, i)
+            beyond = excess(x, z if band == 0.0 else min(max(x.v, -band), band), R, limit)
+            if beyond > 0.0:
                 row.contradicts = 1
-            x = correct_within(x, band, R) if band > 0.0 else correct(x, z, robust_variance(x, z, R, limit))
-            put_axis(row.axes[i], x)
+            if band > 0.0:
+                correct_within(x, band, R)
+            else:
+                correct(x, z, R + beyond / (limit * limit))
 
 
 @part
-def rerun(config: ObserverConfig, state: Observer, rows: Records[Row], ahead: Records[AxisRecord], first: int) -> None:
+def rerun(config: ObserverConfig, state: Observer, rows: Records[Row], ahead: Records[Axis], first: int) -> None:
     """Run the rows from number `first` on, again or for the first time; `ahead`: the filters before it."""
     for i in range(first, state.rows):
         row = row_at(state, rows, i)
-        if row.kind == TICK_ROW:
-            predict_tick(config, ahead, row)
-            friction_direction_update(config, row)
-        else:
-            correct_sample(config, ahead, row)
+        predict_tick(config, ahead, row)
+        friction_direction_update(config, row)
+        if row.samples > 0:
+            correct_samples(config, row)
         ahead = row.axes
     for i in range(AXES):
-        if config.axes[i]:
-            put_axis(state.axes[i], read_axis(ahead[i]))
+        state.axes[i] = ahead[i]
 
 
 @part
@@ -169,41 +163,25 @@ def begin_stick(config: ObserverConfig, state: Observer) -> None:
     for i in range(AXES):
         if config.axes[i]:
             state.sample_mean[i] = 0.0
-            x = correct(read_axis(state.axes[i]), 0.0, config.floor_variance[i])
-            put_axis(state.axes[i], Axis(0.0, x.b, x.c, 0.0, 0.0, 0.0, x.P_bb, x.P_bc, x.P_cc))
+            correct(state.axes[i], 0.0, config.floor_variance[i])
+            put_velocity(state.axes[i], 0.0, 0.0)
 
 
 @part
-def drop_old_rows(config: ObserverConfig, state: Observer, rows: Records[Row], count: int) -> None:
-    """Drop rows older than the memory, and more where a tick and `count` samples would find no room; one row stays."""
-    oldest_ns = state.stamp_ns - config.memory_ns
-    while state.rows > 1 and (row_at(state, rows, 0).stamp_ns < oldest_ns or state.rows + 1 + count > len(rows)):
+def drop_old_rows(config: ObserverConfig, state: Observer, rows: Records[Row]) -> None:
+    """Drop rows older than the memory; one row stays."""
+    while state.rows > 1 and row_at(state, rows, 0).stamp_ns < state.stamp_ns - config.memory_ns:
         drop_oldest(state, rows)
 
 
 @part
-def place_samples(
-    config: ObserverConfig, state: Observer, history: Array, rows: Records[Row], samples: Records[StampedSlip],
-    count: int,
-) -> int:  # fmt: skip
-    """Put out-of-sequence samples at the ticks at which they were measured; return the first row that is new."""
-    oldest_ns, first = row_at(state, rows, 0).stamp_ns, state.rows - 1
-    for k in range(count):
-        if samples[k].stamp_ns > oldest_ns and state.rows < len(rows):
-            first = min(first, insert(config, state, history, rows, samples[k]))
-        else:
-            state.late += 1
-    return first
-
-
-@part
 def contradicted_since(state: Observer, rows: Records[Row]) -> int:
-    """Return the number of the row of the first of LASTING newest samples that all contradict the estimate, else -1."""
+    """Return the number of the first of the LASTING newest rows with samples, -1 where not all contradict."""
     count, i = 0, state.rows
     while i > 0 and count < LASTING:
         i -= 1
         row = row_at(state, rows, i)
-        if row.kind == SAMPLE_ROW:
+        if row.samples > 0:
             if row.contradicts == 0:
                 return -1
             count += 1
@@ -219,15 +197,14 @@ def samples_show_rest(config: ObserverConfig, state: Observer, rows: Records[Row
             added, n = 0.0, 0
             for k in range(first, state.rows):
                 row = row_at(state, rows, k)
-                if row.kind == SAMPLE_ROW:
-                    added, n = added + row.sample.twist[i], n + 1
+                added, n = added + row.reads[i], n + row.samples
             total += added * added / (n * config.measurement_variance[i])
     return total < config.nis_slip
 
 
 @part
 def restart_from_samples(config: ObserverConfig, state: Observer, rows: Records[Row], first: int) -> None:
-    """Begin again at the sample of row `first`: the model's errors are as unknown as in the beginning.
+    """Begin again at the samples of row `first`: the model's errors are as unknown as in the beginning.
 
     A filter that is sure of a wrong model takes every sample for an outlier, and so would never come back.
     """
@@ -236,41 +213,30 @@ def restart_from_samples(config: ObserverConfig, state: Observer, rows: Records[
     row = row_at(state, rows, 0)
     for i in range(AXES):
         if config.axes[i]:
-            x, band = row.axes[i], reads_within(config, row.sample, i)
-            P_vv = config.measurement_variance[i] + band * band
-            y = Axis(row.sample.twist[i], x.b, x.c, P_vv, 0.0, 0.0, config.prior_P_bb[i], 0.0, config.prior_P_cc[i])
-            put_axis(row.axes[i], y)
+            z, R, band = read_part(config, row, i)
+            put_velocity(row.axes[i], z, R + band * band)
+            forget_errors(row.axes[i], config.prior_P_bb[i], config.prior_P_cc[i])
     rerun(config, state, rows, row.axes, 1)
 
 
 @part
-def begin_stick_from_samples(config: ObserverConfig, state: Observer) -> None:
-    """End a slip that the samples never saw, the model's errors as unknown as in the beginning."""
-    begin_stick(config, state)
-    for i in range(AXES):
-        if config.axes[i]:
-            x = state.axes[i]
-            P_bb, P_cc = config.prior_P_bb[i], config.prior_P_cc[i]
-            put_axis(state.axes[i], Axis(0.0, x.b, x.c, 0.0, 0.0, 0.0, P_bb, 0.0, P_cc))
-
-
-@part
 def observe_slip(
-    config: ObserverConfig, state: Observer, history: Array, rows: Records[Row], samples: Records[StampedSlip],
-    count: int,
-) -> None:  # fmt: skip
-    """Predict, correct, and test whether the slip is over, or never was; the tick's row is the last one of a tick."""
-    first = place_samples(config, state, history, rows, samples, count)
+    config: ObserverConfig, state: Observer, rows: Records[Row], samples: Records[StampedSlip], count: int
+) -> None:
+    """Predict, correct, and test whether the slip is over, or never was; the tick's row is the last one."""
+    first = place_samples(config, state, rows, samples, count)
     rerun(config, state, rows, row_at(state, rows, first - 1).axes, first)
     since = contradicted_since(state, rows) if count > 0 else -1
-    if since >= 0 and samples_show_rest(config, state, rows, since):
-        begin_stick_from_samples(config, state)
+    if since >= 0 and samples_show_rest(config, state, rows, since):  # a slip that the samples never saw
+        begin_stick(config, state)
+        for i in range(AXES):
+            if config.axes[i]:
+                forget_errors(state.axes[i], config.prior_P_bb[i], config.prior_P_cc[i])
         return
     if since >= 0:
         restart_from_samples(config, state, rows, since)
     state.significance = normalised_innovation_squared(config, state)
-    newest = row_at(state, rows, newest_tick(state, rows))
-    at_rest = is_confirmed(config, state, newest) and state.significance < config.nis_stick
+    at_rest = is_confirmed(config, state, row_at(state, rows, state.rows - 1)) and state.significance < config.nis_stick
     state.quiet = state.quiet + 1 if at_rest else 0
     if state.quiet >= config.dwell_ticks:
         begin_stick(config, state)

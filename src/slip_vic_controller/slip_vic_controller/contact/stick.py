@@ -11,36 +11,21 @@ import math
 from slip_core.compiled import part
 from slip_core.records import Records
 from slip_core.vectors import vec
-from slip_vic_controller.contact.axis import Axis, put_axis, read_axis, zero_velocity_update
-from slip_vic_controller.contact.history import drop_oldest, next_sample, row_at
+from slip_vic_controller.contact.axis import correct, forget_errors, predict, put_velocity
+from slip_vic_controller.contact.history import drop_oldest, row_at
 from slip_vic_controller.contact.layouts import AXES, Observer, ObserverConfig, Row
 from slip_vic_controller.contact.slip import rerun
 from slip_vic_controller.law.contact import StampedSlip
 
 
 @part
-def add_up(state: Observer, rows: Records[Row]) -> None:
-    """Write dt, step and dt force, added up since the beginning of stick, to the last row."""
-    row = row_at(state, rows, state.rows - 1)
-    row.time = row.dt
-    for i in range(AXES):
-        row.steps[i], row.impulses[i] = row.step[i], row.dt * row.force[i]
-    if state.rows > 1:
-        last = row_at(state, rows, state.rows - 2)
-        row.time += last.time
-        for i in range(AXES):
-            row.steps[i] += last.steps[i]
-            row.impulses[i] += last.impulses[i]
-
-
-@part
 def learn_model_errors(config: ObserverConfig, state: Observer, row: Row) -> None:
-    """Learn the model's errors from a tick that has passed as stick."""
+    """Learn the model's errors from a tick that has passed as stick: the velocity that they predict was zero."""
     for i in range(AXES):
         if config.axes[i]:
-            x, q_v = read_axis(state.axes[i]), config.process_variance[i] + row.change_variance[i]
-            x = zero_velocity_update(x, row.step[i], row.force[i], row.dt, q_v, config.drift_variance[i])
-            put_axis(state.axes[i], x)
+            x, q_v = state.axes[i], config.process_variance[i] + row.change_variance[i]
+            predict(x, row.step[i], row.force[i], row.dt, q_v, config.drift_variance[i])
+            correct(x, 0.0, 0.0)
 
 
 @part
@@ -50,13 +35,14 @@ def normalised_innovation_squared(config: ObserverConfig, state: Observer, rows:
     S: the variance that the model's errors and the process noise of the window give it.
     """
     first, last = row_at(state, rows, 0), row_at(state, rows, state.rows - 1)
-    time = last.time - first.time + first.dt
     total = 0.0
     for i in range(AXES):
         if config.axes[i]:
-            x = state.axes[i]
-            impulse = last.impulses[i] - first.impulses[i] + first.dt * first.force[i]
-            v = last.steps[i] - first.steps[i] + first.step[i] - time * x.b - impulse * x.c
+            x, time, impulse, steps = state.axes[i], 0.0, 0.0, 0.0
+            for k in range(state.rows):
+                row = row_at(state, rows, k)
+                time, impulse, steps = time + row.dt, impulse + row.dt * row.force[i], steps + row.step[i]
+            v = steps - time * x.b - impulse * x.c
             S = time * time * x.P_bb + 2.0 * time * impulse * x.P_bc + impulse * impulse * x.P_cc
             S += state.rows * config.process_variance[i] + config.floor_variance[i]
             total += v * v / (S + first.velocity_variance[i] + last.velocity_variance[i])
@@ -78,9 +64,8 @@ def average_and_test_samples(
     One sample moves the mean no further than `most_step`, so an outlier alone is not significant.
     """
     share, most = variance_ratio_of_mean(config), config.most_step * math.sqrt(config.nis_slip)
-    seen, k = False, -1
-    for _ in range(count):
-        k = next_sample(config, samples, count, k)
+    seen = False
+    for k in range(count):
         if samples[k].stamp_ns > state.since_ns:
             step = 0.0
             for i in range(AXES):
@@ -128,11 +113,10 @@ def begin_slip_of_samples(config: ObserverConfig, state: Observer, rows: Records
     row, share = row_at(state, rows, 0), variance_ratio_of_mean(config)
     for i in range(AXES):
         if config.axes[i]:
-            x, m = state.axes[i], state.sample_mean[i]
-            P_vv = share * config.measurement_variance[i] + m * m
-            y = Axis(m, x.b, x.c, P_vv, 0.0, 0.0, config.prior_P_bb[i], 0.0, config.prior_P_cc[i])
-            put_axis(row.axes[i], y)
-            put_axis(state.axes[i], y)
+            m = state.sample_mean[i]
+            put_velocity(state.axes[i], m, share * config.measurement_variance[i] + m * m)
+            forget_errors(state.axes[i], config.prior_P_bb[i], config.prior_P_cc[i])
+            row.axes[i] = state.axes[i]
 
 
 @part
@@ -140,7 +124,6 @@ def observe_stick(
     config: ObserverConfig, state: Observer, rows: Records[Row], samples: Records[StampedSlip], count: int,
 ) -> None:  # fmt: skip
     """Learn from the tick that leaves the window, and test whether slip has begun; the tick's row is the last one."""
-    add_up(state, rows)
     while state.rows > config.window_ticks:
         learn_model_errors(config, state, row_at(state, rows, 0))
         drop_oldest(state, rows)
