@@ -16,6 +16,7 @@ from slip_vic_controller.governor.layouts import GOVERNOR, GOVERNOR_CONFIG, PAD
 from slip_vic_controller.governor.load import ALONE, Held, load, size
 from slip_vic_controller.governor.plan import GRID_POINTS, PATH_GRID, Governing, along, sample_time
 from slip_vic_controller.governor.step import Pad
+from slip_vic_controller.path.paths import Reference
 
 PAPER_PLANAR = SimpleNamespace(
     mass=0.5, inertia=np.diag([2e-3] * 3), r=np.array([-0.02, 0.0, 0.0]), radius=0.03, force=0.25,
@@ -87,14 +88,16 @@ def _start(config, state, pad, grasped, R):
 def _sample(config, state, grid, grasped, i, R, twist, acceleration):
     c, s = record(config, GOVERNOR_CONFIG), record(state, GOVERNOR)
     held = _held(c, record(grasped, OBJECT))
-    g.sample_point(c, s, record(grid, PATH_GRID), i, held, mat(R), spatial(twist), spatial(acceleration))
+    g.sample_point(
+        c, s, record(grid, PATH_GRID), i, held, Reference(ZERO, mat(R), spatial(twist), spatial(acceleration))
+    )
 
 
 @kernel(VOID(IN1, OUT1, OUT1, IN1, IN1, IN2, IN1, IN1, IN1, IN2, IN1, REAL, REAL))
 def _before(config, state, grid, pad, grasped, R, twist, acceleration, x_e, R_ee, v_ee, most_rate, dt):
     c, s = record(config, GOVERNOR_CONFIG), record(state, GOVERNOR)
     held = _held(c, record(grasped, OBJECT))
-    at = along(c, c.duration, s.time, mat(R), spatial(twist), spatial(acceleration))
+    at = along(c, c.duration, s.time, Reference(ZERO, mat(R), spatial(twist), spatial(acceleration)))
     seen = Pad(vec(x_e), mat(R_ee), spatial(v_ee), spatial(record(pad, PAD).feedback))
     g.run(c, s, record(grid, PATH_GRID), held, at, seen, most_rate, dt)
 
@@ -102,7 +105,8 @@ def _before(config, state, grid, pad, grasped, R, twist, acceleration, x_e, R_ee
 @kernel(VOID(IN1, IN1, IN2, IN1, IN1, OUT1))
 def _reference(config, state, R, twist, acceleration, out):
     c, s = record(config, GOVERNOR_CONFIG), record(state, GOVERNOR)
-    v, a = g.governed(c, s, along(c, c.duration, s.out_time, mat(R), spatial(twist), spatial(acceleration)))
+    at = Reference(ZERO, mat(R), spatial(twist), spatial(acceleration))
+    v, a = g.governed(c, s, along(c, c.duration, s.out_time, at))
     put_spatial(out[:6], v)
     put_spatial(out[6:], a)
 

@@ -12,7 +12,6 @@ from slip_core.vectors import Spatial, mat, spatial, vec
 from slip_vic_controller.cycle.governing import goal_progress
 from slip_vic_controller.path.goals import GOAL, GoalPhase, begin_goal, goal_at, rest_at
 from slip_vic_controller.path.paths import Reference
-from slip_vic_controller.state import CONFIG
 from test.support.call import call
 from test.support.made_up import MadeUp, law_at_work
 
@@ -79,7 +78,7 @@ def test_ungoverned_goal_is_quintic() -> None:
 
 def test_governed_goal_progress() -> None:
     made_up = at_work("slow_down")
-    config, task = record(made_up.controller.config, CONFIG), made_up.session.task
+    task = made_up.session.task
     task.governor.duration, task.goal.path.knot[1] = 4.0, 4.0
     for time, phase, expected in (
         (0.0, GoalPhase.PLANS, 0.0), (1.0, GoalPhase.MOVES, 0.25), (3.0, GoalPhase.STOPS, 0.75),
@@ -87,16 +86,7 @@ def test_governed_goal_progress() -> None:
         (1.0, GoalPhase.REACHED, 1.0),
     ):  # fmt: skip
         task.governor.out_time, task.goal.phase = time, phase
-        assert call(goal_progress, config, task, made_up.state) == expected, (time, phase)
-
-
-def test_ungoverned_goal_progress() -> None:
-    made_up = at_work("off")
-    config, task, state = record(made_up.controller.config, CONFIG), made_up.session.task, made_up.state
-    task.goal.phase, task.goal.path.knot[1] = GoalPhase.MOVES, 4.0
-    for time_s, expected in ((-1.0, 0.0), (0.0, 0.0), (1.0, 0.25), (4.0, 1.0), (5.0, 1.0)):
-        task.start_ns = state.joint.answers.stamp_ns - round(time_s * 1e9)
-        assert call(goal_progress, config, task, state) == expected, time_s
+        assert call(goal_progress, task) == expected, (time, phase)
 
 
 def test_resting_goal_keeps_pose() -> None:

@@ -9,13 +9,8 @@ import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.records import new, record
-from slip_vic_controller.contact.layouts import OBSERVER_CONFIG, ObserverConfig
+from slip_vic_controller.contact.layouts import OBSERVER_CONFIG, WITNESSES, ObserverConfig
 from slip_vic_controller.params.controller_params import ControllerParams
-
-WITNESSES = 3
-"""Samples in a row in which a real sensor must show slip: two outliers in a row occur every minute."""
-TOGETHER = 1.2
-"""Shift of the tested mean by these samples together, over the significant one [1]."""
 
 
 class Tuning(NamedTuple):
@@ -107,8 +102,10 @@ def observer_config(params: ControllerParams, tuning: Tuning = TUNING) -> Array:
     count = max(int(np.sum(config.axes)), 1)
     config.nis_slip = float(chdtri(count, tuning.false_alarm_rate))
     config.nis_stick = float(chdtri(count, 1.0 - tuning.stick_share))
-    needed = witnesses(params)
-    config.most_step = TOGETHER / needed if needed > 1 else math.inf
+    needed = witnesses(params)  # so many samples shift the mean beyond what is significant, one less does not
+    config.most_step = 1.0 / (needed - 0.5) if needed > 1 else math.inf
+    config.information[:] = config.axes / config.measurement_variance
+    config.mean_share = tuning.smoothing / (2.0 - tuning.smoothing)
     config.smoothing, config.outlier_deviations = tuning.smoothing, tuning.outlier
     config.friction_spread, config.friction_memory_ticks = tuning.drag_spread, tuning.drag_memory_s / T
     config.dwell_ticks = max(1, round(tuning.dwell_s / T))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.records import Records
-from slip_vic_controller.contact.layouts import AXES, Observer, ObserverConfig, Row
+from slip_vic_controller.contact.layouts import Observer, ObserverConfig, Row
 from slip_vic_controller.law.contact import StampedSlip
 
 
@@ -58,6 +58,6 @@ def place_samples(
             i -= 1
         row, first = row_at(state, rows, i), min(first, i)
         row.samples += 1
-        for j in range(AXES):
+        for j in range(6):
             row.reads[j] += sample.twist[j] if config.axes[j] else 0.0
     return first

@@ -8,31 +8,32 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from slip_core.arrays import Array
 from slip_core.records import Mat3, Real, Record, Records, Vec3, Vec6, Whole, dtype_of
 from slip_vic_controller.contact.axis import Axis
 
-AXES = 6
-Axes = Annotated[Array, AXES]
+WITNESSES = 3
+"""Samples in a row that a real sensor must show: two outliers in a row occur every minute."""
 
 
 class ObserverConfig(Record):
     """Tuning; speeds and accelerations in m/s, m/s^2 on linear and rad/s, rad/s^2 on angular axes."""
 
-    axes: Axes  # 1 where the axis is filtered
-    measurement_variance: Axes  # R of a slip sample
-    process_variance: Axes  # Q of v per tick, from wrench noise and model
-    drift_variance: Axes  # Q of b per tick
-    prior_P_bb: Axes  # noqa: N815 - what is known of the model's errors at the beginning
-    prior_P_cc: Axes  # noqa: N815
-    onset_gain: Axes  # 1, 1/m; standard deviation that b gains when slip begins, per acceleration of the object
-    floor_variance: Axes  # of a slip velocity that means nothing
-    stick_P_bb: Axes  # noqa: N815 - variances above which nothing is taken for stick
-    stick_P_vv: Axes  # noqa: N815
-    dead_band: Axes  # speed below which the sensor reads zero
+    axes: Vec6  # 1 where the axis is filtered
+    measurement_variance: Vec6  # R of a slip sample
+    information: Vec6  # 1 / R on the axes that are filtered, 0 on the others
+    process_variance: Vec6  # Q of v per tick, from wrench noise and model
+    drift_variance: Vec6  # Q of b per tick
+    prior_P_bb: Vec6  # noqa: N815 - what is known of the model's errors at the beginning
+    prior_P_cc: Vec6  # noqa: N815
+    onset_gain: Vec6  # 1, 1/m; standard deviation that b gains when slip begins, per acceleration of the object
+    floor_variance: Vec6  # of a slip velocity that means nothing
+    stick_P_bb: Vec6  # noqa: N815 - variances above which nothing is taken for stick
+    stick_P_vv: Vec6  # noqa: N815
+    dead_band: Vec6  # speed below which the sensor reads zero
     nis_slip: Real  # normalised innovation squared above which slip begins
     nis_stick: Real  # and below which it is over
     smoothing: Real  # weight of a new sample in the mean that is tested in stick
+    mean_share: Real  # variance of that mean over R
     most_step: Real  # how far one sample may move that mean, over what is significant
     outlier_deviations: Real  # beyond which a sample pulls no harder
     friction_spread: Real  # rad; how far friction may point away from the slip, 0 = its direction is not used
@@ -76,8 +77,8 @@ class Observer(Record):
     variance: Vec6  # of the slip velocity
     significance: Real  # normalised innovation squared
     v_ee: Vec6  # m/s, rad/s {w}; twist of the pad at the last tick
-    sample_mean: Axes  # of the samples that were measured in stick, weighted
-    axes: Annotated[Records[Axis], AXES]  # the filters
+    sample_mean: Vec6  # of the samples that were measured in stick, weighted
+    axes: Annotated[Records[Axis], 6]  # the filters
 
 
 OBSERVER = dtype_of(Observer)
@@ -88,17 +89,17 @@ class Row(Record):
 
     stamp_ns: Whole
     samples: Whole  # how many
-    reads: Axes  # their sum
+    reads: Vec6  # their sum
     contradicts: Whole  # whether their mean contradicts the estimate before it
     dt: Real  # s; since the tick before
     turn_linear: Vec3  # rad/s; w_ee + 2 w_o
     turn_angular: Vec3  # rad/s; w_ee + w_o
     drag: Vec3  # m/s^2
-    step: Axes  # change of the slip velocity as the uncorrected model has it
-    force: Axes  # specific force
-    velocity_variance: Axes  # of the pad's velocity
-    change_variance: Axes  # of the noise in `step`
-    axes: Annotated[Records[Axis], AXES]  # in slip: the estimate with this row taken in
+    step: Vec6  # change of the slip velocity as the uncorrected model has it
+    force: Vec6  # specific force
+    velocity_variance: Vec6  # of the pad's velocity
+    change_variance: Vec6  # of the noise in `step`
+    axes: Annotated[Records[Axis], 6]  # in slip: the estimate with this row taken in
 
 
 ROW = dtype_of(Row)

@@ -17,7 +17,7 @@ from slip_core.records import Records, records
 from slip_core.vectors import ZERO, Spatial, mat, put, put_spatial, spatial, vec
 from slip_vic_controller.contact.axis import forget_errors, put_velocity
 from slip_vic_controller.contact.history import append
-from slip_vic_controller.contact.layouts import AXES, ROW, Motion, Observer, ObserverConfig, Row
+from slip_vic_controller.contact.layouts import ROW, Motion, Observer, ObserverConfig, Row
 from slip_vic_controller.contact.slip import drop_old_rows, observe_slip
 from slip_vic_controller.contact.stick import observe_stick
 from slip_vic_controller.law.contact import StampedSlip
@@ -38,7 +38,7 @@ def reset(config: ObserverConfig, state: Observer, stamp_ns: int, v_ee: Array) -
     state.significance = 0.0
     state.twist[:], state.error[:], state.variance[:], state.sample_mean[:] = 0.0, 0.0, 0.0, 0.0
     state.v_ee[:] = v_ee
-    for i in range(AXES):
+    for i in range(6):
         x, shown = state.axes[i], config.axes[i]
         put_velocity(x, 0.0, 0.0)
         forget_errors(x, shown * config.prior_P_bb[i], shown * config.prior_P_cc[i])
@@ -98,7 +98,7 @@ def publish(state: Observer, force: Spatial) -> bool:
     That is the slip velocity, zero in stick, the error b + c f of `follow` at a specific force, and the variance.
     """
     size = state.significance
-    for i in range(AXES):
+    for i in range(6):
         x = state.axes[i]
         state.twist[i] = x.v if state.sliding else 0.0
         state.error[i] = x.b + x.c * (force.linear[i] if i < 3 else force.angular[i - 3])

@@ -9,7 +9,7 @@ import math
 
 from slip_core.compiled import part
 from slip_core.records import Records
-from slip_core.vectors import Spatial, Vec, vec
+from slip_core.vectors import NOTHING, Spatial, Vec, spatial, vec
 from slip_vic_controller.contact.axis import (
     Axis,
     correct,
@@ -20,11 +20,8 @@ from slip_vic_controller.contact.axis import (
     put_velocity,
 )
 from slip_vic_controller.contact.history import drop_oldest, place_samples, row_at
-from slip_vic_controller.contact.layouts import AXES, Observer, ObserverConfig, Row
+from slip_vic_controller.contact.layouts import WITNESSES, Observer, ObserverConfig, Row
 from slip_vic_controller.law.contact import StampedSlip
-
-LASTING = 3
-"""Samples in a row that contradict the estimate: then it is the model that is wrong, and no outliers."""
 
 
 @part
@@ -47,7 +44,7 @@ def predict_tick(config: ObserverConfig, ahead: Records[Axis], row: Row) -> None
     """
     v = slip_velocity(ahead)
     turning = Spatial(vec(row.turn_linear).cross(v.linear), vec(row.turn_angular).cross(v.angular))
-    for i in range(AXES):
+    for i in range(6):
         if config.axes[i]:
             row.axes[i] = ahead[i]
             step = row.step[i] - row.dt * component(turning, i)
@@ -92,7 +89,7 @@ def read_part(config: ObserverConfig, row: Row, i: int) -> tuple[float, float, f
 def correct_samples(config: ObserverConfig, row: Row) -> None:
     """Correct with the samples of a row; a part that reads zero is only known to lie within the dead band."""
     row.contradicts, limit = 0, config.outlier_deviations
-    for i in range(AXES):
+    for i in range(6):
         if config.axes[i]:
             x = row.axes[i]
             z, R, band = read_part(config, row, i)
@@ -115,7 +112,7 @@ def rerun(config: ObserverConfig, state: Observer, rows: Records[Row], ahead: Re
         if row.samples > 0:
             correct_samples(config, row)
         ahead = row.axes
-    for i in range(AXES):
+    for i in range(6):
         state.axes[i] = ahead[i]
 
 
@@ -123,7 +120,7 @@ def rerun(config: ObserverConfig, state: Observer, rows: Records[Row], ahead: Re
 def normalised_innovation_squared(config: ObserverConfig, state: Observer) -> float:
     """Return v^T P^-1 v of the estimate against v = 0, chi-squared where there is no slip; [1]."""
     total = 0.0
-    for i in range(AXES):
+    for i in range(6):
         if config.axes[i]:
             x = state.axes[i]
             total += x.v * x.v / (x.P_vv + config.floor_variance[i])
@@ -138,7 +135,7 @@ def is_confirmed(config: ObserverConfig, state: Observer, row: Row) -> bool:
     small one while its variance is large.
     """
     confirmed = True
-    for i in range(AXES):
+    for i in range(6):
         if config.axes[i]:
             x = state.axes[i]
             # Noise of the joints leaves this much doubt, however long it is at rest.
@@ -160,7 +157,7 @@ def begin_stick(config: ObserverConfig, state: Observer) -> None:
     """End the slip: v = 0 exactly; what was learnt of the model's errors stays."""
     state.sliding, state.quiet, state.since_ns = 0, 0, state.stamp_ns
     state.first, state.rows = 0, 0
-    for i in range(AXES):
+    for i in range(6):
         if config.axes[i]:
             state.sample_mean[i] = 0.0
             correct(state.axes[i], 0.0, config.floor_variance[i])
@@ -176,30 +173,29 @@ def drop_old_rows(config: ObserverConfig, state: Observer, rows: Records[Row]) -
 
 @part
 def contradicted_since(state: Observer, rows: Records[Row]) -> int:
-    """Return the number of the first of the LASTING newest rows with samples, -1 where not all contradict."""
+    """Return the number of the first of the WITNESSES newest rows with samples, -1 where not all contradict.
+
+    Where so many samples in a row contradict the estimate it is the model that is wrong, and they are no outliers.
+    """
     count, i = 0, state.rows
-    while i > 0 and count < LASTING:
+    while i > 0 and count < WITNESSES:
         i -= 1
         row = row_at(state, rows, i)
         if row.samples > 0:
             if row.contradicts == 0:
                 return -1
             count += 1
-    return i if count == LASTING else -1
+    return i if count == WITNESSES else -1
 
 
 @part
 def samples_show_rest(config: ObserverConfig, state: Observer, rows: Records[Row], first: int) -> bool:
     """Return whether the mean of the samples from row `first` on is insignificant against v = 0."""
-    total = 0.0
-    for i in range(AXES):
-        if config.axes[i]:
-            added, n = 0.0, 0
-            for k in range(first, state.rows):
-                row = row_at(state, rows, k)
-                added, n = added + row.reads[i], n + row.samples
-            total += added * added / (n * config.measurement_variance[i])
-    return total < config.nis_slip
+    added, n = NOTHING, 0
+    for k in range(first, state.rows):
+        row = row_at(state, rows, k)
+        added, n = added + spatial(row.reads), n + row.samples
+    return added.dot(spatial(config.information) * added) < n * config.nis_slip
 
 
 @part
@@ -211,7 +207,7 @@ def restart_from_samples(config: ObserverConfig, state: Observer, rows: Records[
     for _ in range(first):
         drop_oldest(state, rows)
     row = row_at(state, rows, 0)
-    for i in range(AXES):
+    for i in range(6):
         if config.axes[i]:
             z, R, band = read_part(config, row, i)
             put_velocity(row.axes[i], z, R + band * band)
@@ -229,7 +225,7 @@ def observe_slip(
     since = contradicted_since(state, rows) if count > 0 else -1
     if since >= 0 and samples_show_rest(config, state, rows, since):  # a slip that the samples never saw
         begin_stick(config, state)
-        for i in range(AXES):
+        for i in range(6):
             if config.axes[i]:
                 forget_errors(state.axes[i], config.prior_P_bb[i], config.prior_P_cc[i])
         return

@@ -10,10 +10,10 @@ import math
 
 from slip_core.compiled import part
 from slip_core.records import Records
-from slip_core.vectors import vec
+from slip_core.vectors import put_spatial, spatial, vec
 from slip_vic_controller.contact.axis import correct, forget_errors, predict, put_velocity
 from slip_vic_controller.contact.history import drop_oldest, row_at
-from slip_vic_controller.contact.layouts import AXES, Observer, ObserverConfig, Row
+from slip_vic_controller.contact.layouts import Observer, ObserverConfig, Row
 from slip_vic_controller.contact.slip import rerun
 from slip_vic_controller.law.contact import StampedSlip
 
@@ -21,7 +21,7 @@ from slip_vic_controller.law.contact import StampedSlip
 @part
 def learn_model_errors(config: ObserverConfig, state: Observer, row: Row) -> None:
     """Learn the model's errors from a tick that has passed as stick: the velocity that they predict was zero."""
-    for i in range(AXES):
+    for i in range(6):
         if config.axes[i]:
             x, q_v = state.axes[i], config.process_variance[i] + row.change_variance[i]
             predict(x, row.step[i], row.force[i], row.dt, q_v, config.drift_variance[i])
@@ -36,7 +36,7 @@ def normalised_innovation_squared(config: ObserverConfig, state: Observer, rows:
     """
     first, last = row_at(state, rows, 0), row_at(state, rows, state.rows - 1)
     total = 0.0
-    for i in range(AXES):
+    for i in range(6):
         if config.axes[i]:
             x, time, impulse, steps = state.axes[i], 0.0, 0.0, 0.0
             for k in range(state.rows):
@@ -50,42 +50,25 @@ def normalised_innovation_squared(config: ObserverConfig, state: Observer, rows:
 
 
 @part
-def variance_ratio_of_mean(config: ObserverConfig) -> float:
-    """Return the variance of the weighted mean of samples over that of one sample; [1]."""
-    return config.smoothing / (2.0 - config.smoothing)
-
-
-@part
 def average_and_test_samples(
-    config: ObserverConfig, state: Observer, samples: Records[StampedSlip], count: int,
-) -> bool:  # fmt: skip
+    config: ObserverConfig, state: Observer, samples: Records[StampedSlip], count: int
+) -> bool:
     """Take samples into the weighted mean, in their order; return whether it was significant after one of them.
 
     One sample moves the mean no further than `most_step`, so an outlier alone is not significant.
     """
-    share, most = variance_ratio_of_mean(config), config.most_step * math.sqrt(config.nis_slip)
-    seen = False
+    most, mean, seen = config.most_step * math.sqrt(config.nis_slip), spatial(state.sample_mean), False
+    axes, weights = spatial(config.axes), (1.0 / config.mean_share) * spatial(config.information)
     for k in range(count):
         if samples[k].stamp_ns > state.since_ns:
-            step = 0.0
-            for i in range(AXES):
-                if config.axes[i]:
-                    d = config.smoothing * (samples[k].twist[i] - state.sample_mean[i])
-                    step += d * d / (share * config.measurement_variance[i])
-            limit = most / math.sqrt(step) if step > most * most else 1.0
-            total = 0.0
-            for i in range(AXES):
-                if config.axes[i]:
-                    m = state.sample_mean[i]
-                    m += limit * (config.smoothing * (samples[k].twist[i] - m))
-                    state.sample_mean[i] = m
-                    total += m * m / (share * config.measurement_variance[i])
-            if total > config.nis_slip:
-                seen = True
-                if limit < 1.0:  # no outlier then, but a slip that lasts
-                    for i in range(AXES):
-                        if config.axes[i]:
-                            state.sample_mean[i] = samples[k].twist[i]
+            z = axes * spatial(samples[k].twist)
+            d = config.smoothing * (z - mean)
+            step = d.dot(weights * d)
+            outlier = step > most * most
+            mean = mean + (most / math.sqrt(step) if outlier else 1.0) * d
+            if mean.dot(weights * mean) > config.nis_slip:
+                seen, mean = True, z if outlier else mean  # no outlier then, but a slip that lasts
+    put_spatial(state.sample_mean, mean)
     return seen
 
 
@@ -97,7 +80,7 @@ def begin_slip_of_model(config: ObserverConfig, state: Observer, rows: Records[R
     """
     state.sliding = 1
     drag = vec(row_at(state, rows, state.rows - 1).drag).norm()
-    for i in range(AXES):
+    for i in range(6):
         if config.axes[i]:
             deviation = config.onset_gain[i] * drag
             state.axes[i].P_bb += deviation * deviation
@@ -110,11 +93,11 @@ def begin_slip_of_samples(config: ObserverConfig, state: Observer, rows: Records
     state.sliding = 1
     while state.rows > 1:
         drop_oldest(state, rows)
-    row, share = row_at(state, rows, 0), variance_ratio_of_mean(config)
-    for i in range(AXES):
+    row = row_at(state, rows, 0)
+    for i in range(6):
         if config.axes[i]:
             m = state.sample_mean[i]
-            put_velocity(state.axes[i], m, share * config.measurement_variance[i] + m * m)
+            put_velocity(state.axes[i], m, config.mean_share * config.measurement_variance[i] + m * m)
             forget_errors(state.axes[i], config.prior_P_bb[i], config.prior_P_cc[i])
             row.axes[i] = state.axes[i]
 

@@ -115,7 +115,7 @@ def common_path_speed(states: Records[ArmState], outputs: Records[CycleOutputs])
 def advance_path(config: ControllerConfig, task: TaskState, state: ArmState, path_speed: float) -> None:
     """Move on along the path, in the time of the first arm's joint states; state: of the first arm."""
     dt_ns = max(state.joint.answers.stamp_ns - state.law.stamp_ns, 0)
-    screen(config, task, state, True)
+    screen(config, task, True)
     governed = config.governor.mode != Governing.OFF
     if not governed and (path_speed < 1.0 or task.path.scale != 1.0 or task.path.rate != 0.0):
         advance(task.path, path_speed, dt_ns * 1e-9, config.cycle.slow_down_s)

@@ -8,8 +8,9 @@ from slip_vic_controller.arm.tare import start_tare
 from slip_vic_controller.contact.observer import reset
 from slip_vic_controller.cycle.contact import begin_pad
 from slip_vic_controller.cycle.gains import gains_now
-from slip_vic_controller.cycle.governing import begin_governing, rest_on_path
+from slip_vic_controller.cycle.governing import rest_on_path
 from slip_vic_controller.cycle.ledger import put_time
+from slip_vic_controller.governor.governor import start_governor
 from slip_vic_controller.governor.grip import start_grip
 from slip_vic_controller.governor.plan import Governing
 from slip_vic_controller.path.goals import rest_at
@@ -88,7 +89,7 @@ def _begin_task(config: ControllerConfig, task: TaskState, state: ArmState, inpu
     if config.goals.on != 0:
         rest_at(task.goal, Reference(vec(arm.position), mat(arm.rotation), Spatial(ZERO, ZERO), Spatial(ZERO, ZERO)))
     if config.governor.mode != Governing.OFF:
-        begin_governing(config, task, state)
+        start_governor(config.governor, task.governor, state.pad)
 
 
 @part

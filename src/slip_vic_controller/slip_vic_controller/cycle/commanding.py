@@ -6,7 +6,7 @@ import numpy as np
 
 from slip_core.compiled import part
 from slip_vic_controller.arm.command import Interface
-from slip_vic_controller.cycle.contact import commanded_load, held
+from slip_vic_controller.cycle.contact import held
 from slip_vic_controller.cycle.finishing import finish
 from slip_vic_controller.cycle.governing import follow_goal, governed_reference, guard
 from slip_vic_controller.cycle.holding import hold_without_law, keep_joints
@@ -51,12 +51,9 @@ def command(
     if not _reference(config, task, state, outputs, lead):
         return Reason.BAD_REFERENCE.value
     evaluate(config.law, inputs.arm, sample, law, outputs)
-    if config.governor.mode != Governing.OFF and outputs.law.ok != 0:
-        factor = guard(config, task, state, inputs.arm, outputs, held(config, state, outputs.gains))
-        if factor < 1.0:
-            scale_acceleration(config.law, inputs.arm, sample, law, factor, outputs)
-    else:
-        state.pad.commanded = commanded_load(config, state, inputs.arm, outputs)
+    factor = guard(config, task, state, inputs.arm, outputs, held(config, state, outputs.gains))
+    if factor < 1.0 and outputs.law.ok != 0:
+        scale_acceleration(config.law, inputs.arm, sample, law, factor, outputs)
     outputs.evaluated = outputs.law.ok
     return Reason.NONE.value if outputs.law.ok != 0 else Reason.NO_TORQUE.value
 
@@ -77,7 +74,7 @@ def _reference(config: ControllerConfig, task: TaskState, state: ArmState, outpu
     elif config.governor.mode != Governing.OFF:
         desired = governed_reference(config, task, state, lead)
     elif config.goals.on != 0:
-        desired = follow_goal(task, state)
+        desired = follow_goal(task, state.joint.answers.stamp_ns)
     else:
         t = (state.joint.answers.stamp_ns - task.start_ns) * 1e-9 - config.cycle.start_s
         desired = reference_at(config.path, t, law.start_position, law.start_rotation)

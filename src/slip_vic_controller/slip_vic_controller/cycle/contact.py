@@ -134,13 +134,6 @@ def weigh_evidence(
 
 
 @part
-def commanded_load(config: ControllerConfig, state: ArmState, arm: Arm, outputs: CycleOutputs) -> float:
-    """Return the load of the acceleration that is commanded without a governor [N]."""
-    w_ee, a_C = vec(arm.twist[3:]), spatial(outputs.law.a_C)
-    return size(load(held(config, state, outputs.gains), mat(arm.rotation), w_ee, a_C))
-
-
-@part
 def agree_on_friction(config: ControllerConfig, task: TaskState, states: Records[ArmState]) -> None:
     """Use the friction of the weakest pad for the path, and share slip among all pads; config: of the first arm."""
     path, n = task.governor, len(states)

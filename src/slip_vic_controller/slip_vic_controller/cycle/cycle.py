@@ -109,7 +109,7 @@ def cycle(config_buffer: Array, state_buffer: Array, exchange: Array) -> int:
             holds = holds or not follows(states[k].mode.mode)
             answered |= outputs[k].answered << k
     if holds:
-        screen(configs[0], task, states[0], False)
+        screen(configs[0], task, False)
     return answered
 
 
@@ -153,8 +153,7 @@ def watchdog(config_buffer: Array, state_buffer: Array, exchange: Array, arm: in
         leave_to_drives(config, state, inputs)  # as before
     end_cycle(config, task, state, inputs, outputs)
     if not follows(state.mode.mode):
-        first = record(state_buffer[TASK_SIZE : TASK_SIZE + ARM_SIZE], ARM_STATE)
-        screen(configs[0], task, first, False)
+        screen(configs[0], task, False)
     same_mode = state.mode.mode == mode and state.mode.good_since_ns == since and state.mode.enabled == enabled
     same = same_mode and same_words(before, read_why(state.mode.reason))
     for j in range(n):

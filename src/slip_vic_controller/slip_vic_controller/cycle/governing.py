@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from slip_core.compiled import part
 from slip_core.records import Records
 from slip_core.vectors import NOTHING, mat, spatial, vec
@@ -10,8 +12,8 @@ from slip_vic_controller.governor import governor
 from slip_vic_controller.governor.guard import hold_back, missing_load
 from slip_vic_controller.governor.layouts import GovernedPad, Governor
 from slip_vic_controller.governor.load import Held
-from slip_vic_controller.governor.plan import GRID_POINTS, Along, Governing, along, along_at, sample_time
-from slip_vic_controller.governor.step import Pad, step_on
+from slip_vic_controller.governor.plan import GRID_POINTS, Governing, along, along_at, sample_time
+from slip_vic_controller.governor.step import Bounds, Pad
 from slip_vic_controller.law.arm import Arm
 from slip_vic_controller.law.gains import LawGains
 from slip_vic_controller.path.goals import (
@@ -35,16 +37,8 @@ from slip_vic_controller.path.stream import (
 )
 from slip_vic_controller.state import ArmState, ControllerConfig, CycleOutputs, Governed, TaskState
 
-UNLIMITED = 1e3
-"""A speed along the path that limits nothing."""
 CATCH_UP = 1.5
 """How much faster than received a stream may be followed where the timing is free."""
-
-
-@part
-def begin_governing(config: ControllerConfig, task: TaskState, state: ArmState) -> None:
-    """Begin the object's path with the friction and grip of the first pad."""
-    governor.start_governor(config.governor, task.governor, state.pad)
 
 
 @part
@@ -58,7 +52,6 @@ def forget_friction(
     """
     begin_pad(config, state, arm, gains)
     if lead:
-        governor.adopt_pad(task.governor, state.pad)
         governor.discard_plan(config.governor, task.governor)
 
 
@@ -96,12 +89,6 @@ def path_at(config: ControllerConfig, task: TaskState, state: ArmState, time: fl
 
 
 @part
-def along_path(config: ControllerConfig, task: TaskState, planned: Reference, time: float) -> Along:
-    """Return a point of the first pad's path over s."""
-    return along(config.governor, task.governor.duration, time, planned.rotation, planned.twist, planned.acceleration)
-
-
-@part
 def take_governed_goal(config: ControllerConfig, task: TaskState) -> bool:
     """Begin the goal that waits, once the pad is at rest; return whether there is a path to follow."""
     path, goal = task.governor, task.goal
@@ -131,42 +118,34 @@ def judge_governed_goal(config: ControllerConfig, task: TaskState) -> None:
 
 
 @part
-def goal_progress(config: ControllerConfig, task: TaskState, state: ArmState) -> float:
+def goal_progress(task: TaskState) -> float:
     """Return which share of the time of its path has passed."""
-    goal = task.goal
+    goal, path = task.goal, task.governor
     if goal.phase == GoalPhase.REACHED:
         return 1.0
     if goal.phase == GoalPhase.RESTS or goal.phase == GoalPhase.PLANS:
         return 0.0
-    if config.governor.mode != Governing.OFF:
-        return float(task.governor.out_time / task.governor.duration)
-    return min(max(goal_time(task, state) / goal.path.knot[1], 0.0), 1.0)
+    return min(max(path.out_time / path.duration, 0.0), 1.0)
 
 
 @part
-def goal_time(task: TaskState, state: ArmState) -> float:
-    """Return the time since the goal's path has begun, where no governor has it [s]."""
-    return (state.joint.answers.stamp_ns - task.start_ns) * 1e-9
+def screen(config: ControllerConfig, task: TaskState, at_work: bool) -> None:
+    """Refuse the goal that waits where it cannot be begun."""
+    if config.goals.on != 0:
+        screen_goal(config.goals, task.goal, goal_at(task.goal, task.governor.out_time), at_work)
 
 
 @part
-def screen(config: ControllerConfig, task: TaskState, state: ArmState, at_work: bool) -> None:
-    """Refuse the goal that waits where it cannot be begun; config, state: of the first arm."""
-    if config.goals.on != 0 and task.goal.pending != 0:
-        governed = config.governor.mode != Governing.OFF
-        now = goal_at(task.goal, task.governor.out_time if governed else goal_time(task, state))
-        screen_goal(config.goals, task.goal, now, at_work)
-
-
-@part
-def follow_goal(task: TaskState, state: ArmState) -> Reference:
+def follow_goal(task: TaskState, now_ns: int) -> Reference:
     """Return the reference towards the goal, not governed: a new one continues from the reference, with its motion."""
-    goal = task.goal
-    reference = goal_at(goal, goal_time(task, state))
+    goal, path = task.goal, task.governor
+    path.out_time = (now_ns - task.start_ns) * 1e-9
+    reference = goal_at(goal, path.out_time)
     if goal.pending != 0:
         begin_goal(goal, reference)
-        goal.phase, task.start_ns = GoalPhase.MOVES.value, state.joint.answers.stamp_ns
-    elif goal.phase == GoalPhase.MOVES and goal_time(task, state) >= goal.path.knot[1]:
+        goal.phase, task.start_ns = GoalPhase.MOVES.value, now_ns
+        path.out_time, path.duration = 0.0, goal.path.knot[1]
+    elif goal.phase == GoalPhase.MOVES and path.out_time >= path.duration:
         goal.phase = GoalPhase.REACHED.value
     return reference
 
@@ -174,7 +153,7 @@ def follow_goal(task: TaskState, state: ArmState) -> Reference:
 @part
 def rate_limit(config: ControllerConfig, path: Governor, path_speed: float) -> float:
     """Return the largest sdot for other reasons; 0 = come to rest."""
-    return UNLIMITED if path_speed >= 1.0 else path_speed * max(path.rate, config.governor.floor)
+    return math.inf if path_speed >= 1.0 else path_speed * max(path.rate, config.governor.floor)
 
 
 @part
@@ -199,27 +178,12 @@ def follow_stream(
     drop_passed(stream, path.out_time)
     catch_up = CATCH_UP if limits_of.mode == Governing.TIME_OPTIMAL else 1.0
     limits = catch_up, limits_of.most_speed, limits_of.most_turning
-    F = limits_of.path_margin * path.usable
-    plan_stream(stream, grasped, limits, F, limits_of.reserve)
-    now = at(stream, path.time)
-    point = Along(now.rotation, now.twist, now.acceleration, 1.0, 0.0)
-    seen, u = seen_from(now, arm, pad), 0.0
-    governor.watch_lead(limits_of, path, point, stream_bound(stream, path.time)[0], dt)
-    if governor.is_led(limits_of, path):
-        rate, ahead = governor.on_pad(limits_of, point, seen.x, seen.v)
-        path.rate = min(max(rate, 0.0), 1.0)
-        last = stream.points[stream.count - 1].time
-        path.time = min(max(path.time + ahead + dt * path.rate, stream.points[0].time), max(last, path.time))
-    else:
-        ahead_K = stream_bound(stream, path.time + dt * path.rate)
-        path.overrun = 0
-        most_rate = min(rate_limit(config, path, path_speed), limits[0])
-        u = step_on(limits_of, path, ahead_K, grasped, point, seen, most_rate, dt)
-        path.time += dt * (path.rate + 0.5 * dt * u)
-        path.rate = max(path.rate + dt * u, 0.0)
-    path.s = path.time
-    governor.smooth(limits_of, path, task.grid, u)
-    path.out_time = path.out_s
+    plan_stream(stream, grasped, limits, limits_of.path_margin * path.usable, limits_of.reserve)
+    now, K, ahead = at(stream, path.s), stream_bound(stream, path.s)[0], stream_bound(stream, path.s + dt * path.rate)
+    most_rate, last = min(rate_limit(config, path, path_speed), catch_up), stream.points[stream.count - 1].time
+    bounds = Bounds(K, ahead[0], ahead[1], most_rate, 1.0, stream.points[0].time, max(last, path.s))
+    governor.follow(limits_of, path, bounds, grasped, along_at(now, 1.0, 0.0), seen_from(now, arm, pad), dt)
+    path.time, path.out_time = path.s, path.out_s
 
 
 @part
@@ -269,14 +233,13 @@ def follow_path(
     if path.planned == 0:
         for i in range(GRID_POINTS):
             there = path_at(config, task, state, sample_time(config.governor.mode, i, path.duration))
-            motion = there.rotation, there.twist, there.acceleration
-            governor.sample_point(config.governor, path, task.grid, i, grasped, *motion)
+            governor.sample_point(config.governor, path, task.grid, i, grasped, there)
     if (state.joint.answers.stamp_ns - task.start_ns) * 1e-9 < config.cycle.start_s:  # the trajectory rests first
         governor.plan(config.governor, path, task.grid)
         return
     planned = path_at(config, task, state, path.time)
-    point, most_rate = along_path(config, task, planned, path.time), rate_limit(config, path, path_speed)
-    seen = seen_from(planned, arm, state.pad)
+    point, seen = along(config.governor, path.duration, path.time, planned), seen_from(planned, arm, state.pad)
+    most_rate = rate_limit(config, path, path_speed)
     governor.run(config.governor, path, task.grid, grasped, point, seen, most_rate, dt)
     if config.goals.on != 0:
         judge_governed_goal(config, task)
@@ -288,10 +251,10 @@ def governed_reference(config: ControllerConfig, task: TaskState, state: ArmStat
     path = task.governor
     planned = at(task.stream, path.out_time) if config.stream.on != 0 else path_at(config, task, state, path.out_time)
     if lead:
-        point = along_path(config, task, planned, path.out_time)
+        point = along(config.governor, path.duration, path.out_time, planned)
         path.out_speed, path.out_bend = point.speed, point.bend
     else:
-        point = along_at(planned.rotation, planned.twist, planned.acceleration, path.out_speed, path.out_bend)
+        point = along_at(planned, path.out_speed, path.out_bend)
     twist, acceleration = governor.governed(config.governor, path, point)
     return Reference(planned.position, planned.rotation, twist, acceleration)
 
@@ -333,6 +296,6 @@ def put_governed(config: ControllerConfig, task: TaskState, state: ArmState, out
         out.load_ratio, out.friction_share, out.margin = pad.commanded / F, pad.measured / F, path.usable / F
     out.stream_waits = waiting(task.stream, path.out_time) if config.stream.on != 0 else 0.0
     out.goal, out.goal_phase = float(task.goal.number), float(task.goal.phase)
-    out.goal_progress = goal_progress(config, task, state) if config.goals.on != 0 else 0.0
+    out.goal_progress = goal_progress(task) if config.goals.on != 0 else 0.0
     out.slipping = float(pad.contact.slipping)
     out.grip_command, out.grip_force = state.grip.command, state.grip.actual

@@ -14,7 +14,7 @@ import math
 from typing import Final
 
 from slip_core.compiled import part
-from slip_core.vectors import NOTHING, Mat, Spatial, Vec, put_spatial
+from slip_core.vectors import NOTHING, Spatial, Vec, put_spatial
 from slip_vic_controller.contact.estimate import SensorHealth
 from slip_vic_controller.contact.friction_estimate import start_friction
 from slip_vic_controller.contact.wrench_evidence import start_evidence
@@ -34,7 +34,8 @@ from slip_vic_controller.governor.plan import (
     sample_time,
     take_point,
 )
-from slip_vic_controller.governor.step import OVER, SLOWEST, Pad, carried_weight, pace, step_on, with_weight
+from slip_vic_controller.governor.step import OVER, SLOWEST, Bounds, Pad, carried_weight, pace, step_on, with_weight
+from slip_vic_controller.path.paths import Reference
 
 REPLAN: Final = 5e-3
 """Change of the load that the path may use that is worth a new plan, and how exactly the least one that stops is found;
@@ -92,12 +93,6 @@ def start_governor(config: GovernorConfig, state: Governor, pad: GovernedPad) ->
     """Begin a path, with what is known of a pad."""
     state.duration = config.duration
     start_path(config, state)
-    adopt_pad(state, pad)
-
-
-@part
-def adopt_pad(state: Governor, pad: GovernedPad) -> None:
-    """Use the friction and the grip of a pad."""
     state.contact, state.grip = pad.contact, pad.grip
 
 
@@ -115,14 +110,7 @@ def steady(config: GovernorConfig, state: Governor) -> None:
 
 @part
 def sample_point(
-    config: GovernorConfig,
-    state: Governor,
-    grid: PathGrid,
-    i: int,
-    held: Held,
-    rotation: Mat,
-    twist: Spatial,
-    acceleration: Spatial,
+    config: GovernorConfig, state: Governor, grid: PathGrid, i: int, held: Held, planned: Reference
 ) -> None:
     """Sample point i of a path that has no plan, in order, at its `sample_time`.
 
@@ -130,13 +118,12 @@ def sample_point(
         config, state, grid: GOVERNOR_CONFIG, GOVERNOR, PATH_GRID.
         i: index, from 0 to GRID_POINTS - 1.
         held: object on pad axes.
-        rotation, twist, acceleration: of the path in the user's time {w}.
+        planned: the path in the user's time {w}.
     """
     time = sample_time(config.mode, i, state.duration)
-    at = along(config, state.duration, time, rotation, twist, acceleration)
-    most_rate = math.sqrt(FASTEST) if config.mode == Governing.TIME_OPTIMAL else 1.0
+    most_rate = FASTEST if config.mode == Governing.TIME_OPTIMAL else 1.0
     limits = most_rate, config.most_speed, config.most_turning
-    take_point(grid, i, time, at, held, limits)
+    take_point(grid, i, time, along(config, state.duration, time, planned), held, limits)
     heavy = math.sqrt(grid.points[i].cc)
     if i == 0 or heavy > state.weight_load:
         state.weight_load, state.heaviest_time = heavy, time
@@ -243,27 +230,46 @@ def run(
     """
     plan(config, state, grid)
     allow(config, state)
-    K, _ = bound(grid, state.s)
-    if pad.x.dot(pad.x) < BACK * BACK and (state.arrived == 1 or state.rate * state.rate <= K):
-        state.overrun = 0
-    watch_lead(config, state, point, K, dt)
     if state.arrived == 1:
-        smooth(config, state, grid, 0.0)
-        return
-    if is_led(config, state):
-        anchor(config, state, grid, point, pad.x, pad.v, dt)
-        return
-    u = step_on(config, state, bound(grid, state.s + dt * state.rate), held, point, pad, most_rate, dt)
-    smooth(config, state, grid, u)
-    state.s += dt * (state.rate + 0.5 * dt * u)
-    state.rate = max(state.rate + dt * u, 0.0)
-    if state.s >= state.end * (1.0 - ARRIVED_SHARE):
-        state.s, state.rate, state.arrived = state.end, 0.0, 1
-    state.time = time_at(state, grid, state.s)
+        watch_overrun(state, pad, math.inf)
+        state.led_s, state.endless = 0.0, 0
+        smooth(config, state, 0.0)
+    else:
+        K, ahead = bound(grid, state.s)[0], bound(grid, state.s + dt * state.rate)
+        most_led, last = math.sqrt(grid.points[cell(grid, state.s)].cap), state.end * (1.0 - 2.0 * ARRIVED_SHARE)
+        bounds = Bounds(K, ahead[0], ahead[1], most_rate, most_led, 0.0, last)
+        follow(config, state, bounds, held, point, pad, dt)
+        if state.s >= state.end * (1.0 - ARRIVED_SHARE):
+            state.s, state.rate, state.arrived = state.end, 0.0, 1
+        state.time = time_at(state, grid, state.s)
+    state.out_time = time_at(state, grid, state.out_s)
 
 
 @part
-def smooth(config: GovernorConfig, state: Governor, grid: PathGrid, u: float) -> None:
+def follow(
+    config: GovernorConfig, state: Governor, bounds: Bounds, held: Held, point: Along, pad: Pad, dt: float
+) -> None:
+    """Do a cycle's step on a path or a stream: writes s and sdot, and their means; other arguments as in `run`.
+
+    While the contact slips and the object leads, s follows the pad.
+    """
+    watch_overrun(state, pad, bounds.K)
+    watch_lead(config, state, point, bounds.K, dt)
+    if is_led(config, state):
+        rate, ahead = on_pad(config, point, pad.x, pad.v)
+        state.rate = min(max(rate, 0.0), bounds.most_led)
+        state.s += ahead + dt * state.rate
+        state.s = min(max(state.s, bounds.first), bounds.last)
+        steady(config, state)
+        return
+    u = step_on(config, state, bounds, held, point, pad, dt)
+    smooth(config, state, u)
+    state.s += dt * (state.rate + 0.5 * dt * u)
+    state.rate = max(state.rate + dt * u, 0.0)
+
+
+@part
+def smooth(config: GovernorConfig, state: Governor, u: float) -> None:
     """Average s, sdot and sddot over the window alike: the mean of admissible accelerations is admissible."""
     place = state.ring_count % config.window
     state.ring[place, 0], state.ring[place, 1], state.ring[place, 2] = state.s, state.rate, u
@@ -274,7 +280,6 @@ def smooth(config: GovernorConfig, state: Governor, grid: PathGrid, u: float) ->
         rate += state.ring[i, 1]
         rate_rate += state.ring[i, 2]
     state.out_s, state.out_rate, state.out_u = s / config.window, rate / config.window, rate_rate / config.window
-    state.out_time = time_at(state, grid, state.out_s)
 
 
 @part
@@ -284,12 +289,19 @@ def time_at(state: Governor, grid: PathGrid, s: float) -> float:
 
 
 @part
+def watch_overrun(state: Governor, pad: Pad, K: float) -> None:
+    """End an overrun where the pad is back and can stop on the path again."""
+    if pad.x.dot(pad.x) < BACK * BACK and state.rate * state.rate <= K:
+        state.overrun = 0
+
+
+@part
 def watch_lead(config: GovernorConfig, state: Governor, point: Along, K: float, dt: float) -> None:
     """Find a slip that does not end while the object leads a path that hardly moves, or goes beyond K [1/s^2].
 
     point, dt: as in `run`.
     """
-    if state.arrived == 1 or config.led == 0:
+    if config.led == 0:
         state.led_s, state.endless = 0.0, 0
     elif state.contact.slipping == 0:
         state.led_s = max(state.led_s - dt, 0.0)
@@ -326,17 +338,3 @@ def on_pad(config: GovernorConfig, point: Along, x_e: Vec, v_ee: Spatial) -> tup
     p, w = point.tangent.linear, config.length * point.tangent.angular
     square = pace(config, point) + config.floor * config.floor
     return (p.dot(v_ee.linear) + config.length * w.dot(v_ee.angular)) / square, p.dot(x_e) / square
-
-
-@part
-def anchor(
-    config: GovernorConfig, state: Governor, grid: PathGrid, point: Along, x_e: Vec, v_ee: Spatial, dt: float
-) -> None:
-    """Let s follow the pad while the contact slips; arguments as in `run`."""
-    rate, ahead = on_pad(config, point, x_e, v_ee)
-    cap = grid.points[cell(grid, state.s)].cap
-    state.rate = min(max(rate, 0.0), math.sqrt(cap))
-    state.s += ahead + dt * state.rate
-    state.s = min(max(state.s, 0.0), state.end * (1.0 - 2.0 * ARRIVED_SHARE))
-    state.time = path_time(grid, state.s)
-    steady(config, state)

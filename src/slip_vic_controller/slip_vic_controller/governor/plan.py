@@ -25,15 +25,17 @@ from slip_core.records import Real, Record, Records, dtype_of
 from slip_core.vectors import Mat, Spatial
 from slip_vic_controller.governor.layouts import GovernorConfig
 from slip_vic_controller.governor.load import Held, drawn, turning, weight
+from slip_vic_controller.path.paths import Reference
 
 GRID_POINTS: Final = 200
-FASTEST: Final = 1e6
-"""Largest sdot^2 of a point that nothing limits."""
-
-
-NEWTON: Final = 40
-CLOSE: Final = 1e-13
-"""Steps of Newton's method for the time at s, kept in a bracket, and the share of a cell at which they end."""
+FASTEST: Final = 1e3
+"""Largest sdot of a point that nothing limits."""
+ROUNDING: Final = 1e-10
+"""Relative error of a root."""
+BISECTIONS: Final = 60
+"""Steps after which a root in a bracket is known to rounding."""
+REST: Final = 1e-12
+"""uu over F^2 below which u costs no load: there the path rests."""
 
 
 @unique
@@ -104,34 +106,26 @@ INSIDE: Final = 0.2
 
 
 @part
-def along(
-    config: GovernorConfig, duration: float, time: float, rotation: Mat, twist: Spatial, acceleration: Spatial
-) -> Along:
-    """Return a point of the path over s from its reference over the user's time.
-
-    Args:
-        config: GOVERNOR_CONFIG.
-        duration, time: of the user's path [s].
-        rotation, twist, acceleration: of the path in the user's time {w}.
-    """
+def along(config: GovernorConfig, duration: float, time: float, planned: Reference) -> Along:
+    """Return a point of the path over s from its reference over the user's time [s]."""
     if config.mode != Governing.TIME_OPTIMAL:
-        return Along(rotation, twist, acceleration, 1.0, 0.0)
+        return along_at(planned, 1.0, 0.0)
     inside = sample_time(config.mode, 0, duration) / duration
     share = min(max(time / duration, inside), 1.0 - inside)
     c = 4.0 * share * (1.0 - share)
     floor, floor_rate = config.floor * c * c, config.floor * 8.0 * c * (1.0 - 2.0 * share) / duration
-    v, w = twist.linear, config.length * twist.angular
-    a, alpha = acceleration.linear, config.length * acceleration.angular
+    v, w = planned.twist.linear, config.length * planned.twist.angular
+    a, alpha = planned.acceleration.linear, config.length * planned.acceleration.angular
     speed = math.sqrt(v.dot(v) + w.dot(w) + floor * floor)
     bend = (v.dot(a) + w.dot(alpha) + floor * floor_rate) / speed
-    return along_at(rotation, twist, acceleration, speed, bend)
+    return along_at(planned, speed, bend)
 
 
 @part
-def along_at(rotation: Mat, twist: Spatial, acceleration: Spatial, speed: float, bend: float) -> Along:
+def along_at(planned: Reference, speed: float, bend: float) -> Along:
     """Return a point of a path over s, from its reference over the user's time, where ds/dt and its rate are known."""
-    curve = (1.0 / (speed * speed)) * (acceleration - (bend / speed) * twist)
-    return Along(rotation, (1.0 / speed) * twist, curve, speed, bend)
+    curve = (1.0 / (speed * speed)) * (planned.acceleration - (bend / speed) * planned.twist)
+    return Along(planned.rotation, (1.0 / speed) * planned.twist, curve, speed, bend)
 
 
 @part
@@ -159,21 +153,15 @@ def take_point(grid: Sampled, i: int, time: float, at: Along, held: Held, limits
     l_c = weight(held, at.rotation)
     point.uu, point.ux, point.uc = l_u.dot(l_u), l_u.dot(l_x), l_u.dot(l_c)
     point.xx, point.xc, point.cc = l_x.dot(l_x), l_x.dot(l_c), l_c.dot(l_c)
-    point.cap = min(
-        FASTEST,
-        most_rate * most_rate,
-        square(most_speed / max(at.tangent.linear.norm(), TINY)),
-        square(most_turning / max(at.tangent.angular.norm(), TINY)),
-    )
-
-
-TINY: Final = 1e-9
+    moves, turns = most_speed, most_turning
+    fastest = min(most_rate, ratio(moves, at.tangent.linear.norm()), ratio(turns, at.tangent.angular.norm()))
+    point.cap = fastest * fastest
 
 
 @part
-def square(value: float) -> float:
-    """Return the square, not infinite."""
-    return min(value, 1e9) * min(value, 1e9)
+def ratio(most: float, speed: float) -> float:
+    """Return most / speed, not more than the largest sdot."""
+    return most / speed if most < FASTEST * speed else FASTEST
 
 
 @part
@@ -203,7 +191,7 @@ def path_time(grid: PathGrid, s: float) -> float:
     second, third = 3.0 * way - 2.0 * first - last, first + last - 2.0 * way
     t = (s - a.s) / way
     low, high = 0.0, 1.0
-    for _ in range(NEWTON):
+    for _ in range(BISECTIONS):
         error = ((third * t + second) * t + first) * t - (s - a.s)
         if error > 0.0:
             high = t
@@ -212,7 +200,7 @@ def path_time(grid: PathGrid, s: float) -> float:
         slope = (3.0 * third * t + 2.0 * second) * t + first
         step = error / slope if slope > 0.0 else 2.0
         t = t - step if low <= t - step <= high else 0.5 * (low + high)
-        if abs(step) < CLOSE:
+        if abs(step) < ROUNDING:
             break
     return float(a.time + t * h)
 
@@ -231,15 +219,6 @@ def bound(grid: PathGrid, s: float) -> tuple[float, float]:
 
 # -- backward pass
 
-SHRUNK: Final = 1.0 - 1e-10
-"""Share of a root that is tried, so that rounding does not put it outside."""
-MOST_U: Final = 1e9
-NEGLIGIBLE: Final = 1e-20
-"""uu below which u costs no load; [N^2] over the square of u's unit."""
-BISECTIONS: Final = 60
-REST: Final = 1e-12
-"""uu over F^2 below which the path rests."""
-
 
 @part
 def range_of_u(uu: float, ub: float, bb: float, F: float) -> tuple[float, float, bool]:
@@ -250,13 +229,13 @@ def range_of_u(uu: float, ub: float, bb: float, F: float) -> tuple[float, float,
         F: [N].
     """
     c = bb - F * F
-    if uu <= NEGLIGIBLE:
-        return -MOST_U, MOST_U, c <= 0.0
+    if uu <= REST * F * F:
+        return -math.inf, math.inf, c <= 0.0
     d = ub * ub - uu * c
     if d < 0.0:
         return 0.0, 0.0, False
     root = math.sqrt(d)
-    return max((-ub - root) / uu, -MOST_U), min((-ub + root) / uu, MOST_U), True
+    return (-ub - root) / uu, (-ub + root) / uu, True
 
 
 @part
@@ -291,7 +270,7 @@ def on_line(point: GridPoint, F: float, twice: float, after: float) -> float:
 def edge(point: GridPoint, F: float) -> float:
     """Return the largest x of the ellipse, whatever u."""
     c = point.cc - F * F
-    if point.uu <= NEGLIGIBLE:
+    if at_rest(point, F):
         return larger_root(point.xx, point.xc, c)
     a = point.uu * point.xx - point.ux * point.ux
     return larger_root(a, point.uu * point.xc - point.ux * point.uc, point.uu * c - point.uc * point.uc)
@@ -314,7 +293,7 @@ def most(point: GridPoint, F: float, way: float, after: float) -> float:
         return float(point.cap)
     best = 0.0
     for candidate in (edge(point, F), on_line(point, F, twice, after), on_line(point, F, twice, 0.0)):
-        x = SHRUNK * candidate
+        x = (1.0 - ROUNDING) * candidate
         if best < x <= point.cap and admissible(point, x, F, twice, after):
             best = x
     if best > 0.0:

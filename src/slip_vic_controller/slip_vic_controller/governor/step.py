@@ -15,7 +15,7 @@ from slip_core.vectors import Mat, Spatial, Vec
 from slip_vic_controller.contact.friction_estimate import Friction
 from slip_vic_controller.governor.layouts import Governor, GovernorConfig
 from slip_vic_controller.governor.load import Held, drawn, size, turning, weight
-from slip_vic_controller.governor.plan import MOST_U, Along, Governing, left_for_motion, range_of_u
+from slip_vic_controller.governor.plan import Along, Governing, left_for_motion, range_of_u
 
 MORE_THAN_WEIGHT: Final = 1.0 + 1e-6
 """Of what the weight alone needs: with that the path can be followed, as slowly as need be."""
@@ -54,6 +54,21 @@ class Pad(NamedTuple):
     feedback: Spatial
 
 
+class Bounds(NamedTuple):
+    """What bounds a step: K here, K and its slope where the path will be; largest sdot that anything else admits.
+
+    most_led: largest sdot while a slipping object leads; first, last: between which values of s it may.
+    """
+
+    K: float
+    K_ahead: float
+    slope: float
+    most_rate: float
+    most_led: float
+    first: float
+    last: float
+
+
 class PathLoad(NamedTuple):
     """Load on pad axes [N], affine in sddot: l = per_u u + rest.
 
@@ -84,7 +99,7 @@ def path_load(rate: float, held: Held, point: Along, pad: Pad) -> PathLoad:
 @part
 def at_most(high: float) -> Interval:
     """Return the interval of all that is not larger."""
-    return Interval(-MOST_U, high, True)
+    return Interval(-math.inf, high, True)
 
 
 @part
@@ -107,7 +122,7 @@ def of_path(rate: float, speed_up: float, dt: float) -> Interval:
 def of_reserve(config: GovernorConfig, state: Governor, load: PathLoad) -> Interval:
     """Without feedback the path leaves the reserve; braking may use it."""
     if config.reserve == 0.0:
-        return at_most(MOST_U)
+        return at_most(math.inf)
     F = left_for_motion(state.usable, load.weight, config.reserve)
     return at_most(carried(load.per_u, load.planned, F).high)
 
@@ -120,7 +135,7 @@ def of_catching_up(config: GovernorConfig, state: Governor, load: PathLoad) -> I
     """
     certified = state.grip * state.contact.carried
     if config.mode != Governing.SLOW_DOWN or load.weight >= certified:
-        return at_most(MOST_U)
+        return at_most(math.inf)
     F = max(certified + state.grip * config.friction.probe, size(load.full))
     found = carried(load.per_u, load.rest, F)
     return at_most(max(found.high, 0.0) if found.met else 0.0)
@@ -140,29 +155,20 @@ def to_bound(K: float, slope: float, rate: float, most_rate: float, dt: float) -
 
 @part
 def step_on(
-    config: GovernorConfig,
-    state: Governor,
-    ahead: tuple[float, float],
-    held: Held,
-    point: Along,
-    pad: Pad,
-    most_rate: float,
-    dt: float,
+    config: GovernorConfig, state: Governor, bounds: Bounds, held: Held, point: Along, pad: Pad, dt: float
 ) -> float:
-    """Return sddot of this cycle.
+    """Return sddot of this cycle, and write what limits the path.
 
     Args:
-        config, state: GOVERNOR_CONFIG, GOVERNOR; what limits the path is written to it.
-        ahead: K and its slope where the path will be.
+        config, state: GOVERNOR_CONFIG, GOVERNOR.
+        bounds: of the step.
         held: object on pad axes.
         point: the path at state.time, from `along`.
         pad: as seen from that point.
-        most_rate: largest sdot for other reasons.
         dt: control period [s].
     """
-    K, slope = ahead
     rate, load = state.rate, path_load(state.rate, held, point, pad)
-    speed_up = to_bound(K, slope, rate, most_rate, dt)
+    speed_up = to_bound(bounds.K_ahead, bounds.slope, rate, bounds.most_rate, dt)
     limits = (
         of_path(rate, speed_up, dt),
         carried(load.per_u, load.rest, state.usable),
@@ -170,14 +176,14 @@ def step_on(
         of_catching_up(config, state, load),
         at_most(speed_up),
     )
-    low, high, unmet = -MOST_U, MOST_U, 0
+    low, high, unmet = -math.inf, math.inf, 0
     for i in range(len(limits)):
         limit = limits[i]
         if unmet == 0 and not (limit.met and limit.low <= high and low <= limit.high):
             unmet = i + 1
         low, high = min(max(limit.low, low), high), max(min(limit.high, high), low)
     state.limit = unmet
-    if (rate * rate - OVER * K) * pace(config, point) > SLOWEST * SLOWEST:
+    if (rate * rate - OVER * bounds.K_ahead) * pace(config, point) > SLOWEST * SLOWEST:
         state.overrun = 1
     return high
 

@@ -18,6 +18,7 @@ from slip_vic_controller.governor.layouts import GOVERNOR, GOVERNOR_CONFIG, PAD,
 from slip_vic_controller.governor.load import ALONE, Held, size, weight
 from slip_vic_controller.governor.plan import GRID_POINTS, PATH_GRID, along, sample_time
 from slip_vic_controller.governor.step import Pad
+from slip_vic_controller.path.paths import Reference
 
 STILL: Final = 1e-12
 """ds/dt below which the path as given rests [m/s]."""
@@ -80,7 +81,8 @@ def plan_timing(config: Array, memory: Array, held: Array, motion: Array) -> Non
     governor.start_governor(c, m.governor, m.pad)
     for i in range(GRID_POINTS):
         R = mat(motion[i, :9].reshape(3, 3))
-        governor.sample_point(c, m.governor, m.grid, i, grasped, R, spatial(motion[i, 9:15]), spatial(motion[i, 15:]))
+        there = Reference(ZERO, R, spatial(motion[i, 9:15]), spatial(motion[i, 15:]))
+        governor.sample_point(c, m.governor, m.grid, i, grasped, there)
     governor.plan(c, m.governor, m.grid)
 
 
@@ -98,7 +100,7 @@ def step_timing(
     """
     c, m, o = record(config, GOVERNOR_CONFIG), record(memory, MEMORY), record(out, STEP)
     state, R = m.governor, mat(rotation)
-    point = along(c, state.duration, state.time, R, spatial(twist), spatial(acceleration))
+    point = along(c, state.duration, state.time, Reference(ZERO, R, spatial(twist), spatial(acceleration)))
     pad = Pad(ZERO, R, state.rate * point.tangent, NOTHING)
     governor.run(c, state, m.grid, held_object(c, record(held, HELD_OBJECT)), point, pad, math.inf, dt)
     o.time = state.out_time
@@ -114,7 +116,8 @@ def time_derivatives(
     With ds = speed dt of the path: rate = sdot / speed, rate_rate = (sddot - bend rate^2) / speed.
     """
     c, m, o = record(config, GOVERNOR_CONFIG), record(memory, MEMORY), record(out, STEP)
-    at = along(c, m.governor.duration, o.time, mat(rotation), spatial(twist), spatial(acceleration))
+    there = Reference(ZERO, mat(rotation), spatial(twist), spatial(acceleration))
+    at = along(c, m.governor.duration, o.time, there)
     moves = at.speed > STILL
     o.rate = m.governor.out_rate / at.speed if moves else 0.0
     o.rate_rate = (m.governor.out_u - at.bend * o.rate * o.rate) / at.speed if moves else 0.0

@@ -17,7 +17,7 @@ from slip_core.vectors import NOTHING, Mat, Spatial, Vec
 from slip_vic_controller.governor.governor import REPLAN
 from slip_vic_controller.governor.layouts import Governor
 from slip_vic_controller.governor.load import Held
-from slip_vic_controller.governor.plan import Along, GridPoint, left_for_motion, most, take_point
+from slip_vic_controller.governor.plan import GridPoint, along_at, left_for_motion, most, take_point
 from slip_vic_controller.law.rotation import (
     exponential,
     left_jacobian,
@@ -138,8 +138,7 @@ def plan_stream(
     again = abs(F - stream.load) > REPLAN * stream.load
     first = stream.fresh
     for i in range(first, n):
-        sample = read_reference(stream.samples[i])
-        along = Along(sample.rotation, sample.twist, sample.acceleration, 1.0, 0.0)
+        along = along_at(read_reference(stream.samples[i]), 1.0, 0.0)
         take_point(stream, i, stream.points[i].time, along, held, limits)
     if first >= n and not again:
         return
