@@ -66,12 +66,13 @@ class Law:
 
     def contact(self, v_free, A, normal_force, dt=1e-3, state=NO_STATE, rho=0.03) -> Contact:
         """v = v_free + A f under a normal force above 0."""
-        assert rho == self.params.torsional_radius or not self.module.STATEFUL
+        remembers = self.params.model == "lugre"
+        assert rho == self.params.torsional_radius or not remembers
         u_free = Vec(float(v_free[0]), float(v_free[1]), rho * float(v_free[2]))
         f, u, following = self._solve(
             self.parameters, u_free, scaled(rho, upper(A)), float(normal_force), float(dt), Vec(*state)
         )
-        if self.module.STATEFUL:
+        if remembers:
             turn = dt * u[2] / rho
             stretched = np.array(state) + dt * np.array(u)
             unturned = np.array(following) - turn * np.array((-state[1], state[0], 0.0))

@@ -30,8 +30,6 @@ class FrictionLaw(Protocol):
 
     LAYOUT: np.dtype[np.void]
     """Its parameters by name."""
-    STATEFUL: bool
-    """Whether it remembers anything from step to step."""
 
     def fill(self, law: Any, params: FrictionParams) -> None:
         """Write the parameters to the record."""

@@ -39,7 +39,6 @@ class Lugre(Record):
 
 
 LAYOUT = dtype_of(Lugre)
-STATEFUL = True
 
 ROOT_TOLERANCE = 1e-12  # of kappa
 ROOT_ITERATIONS = 100

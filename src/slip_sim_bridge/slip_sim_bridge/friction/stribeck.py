@@ -29,7 +29,6 @@ class Stribeck(Record):
 
 
 LAYOUT = dtype_of(Stribeck)
-STATEFUL = False
 
 
 def fill(law: Stribeck, params: FrictionParams) -> None:

@@ -13,9 +13,10 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from slip_core.arrays import Array, inertia_from_six, matrix_from_quat_xyzw, readonly
+from slip_core.arrays import Array, inertia_from_six, readonly
 from slip_core.errors import InputError
 from slip_core.files.urdf import named, numbers_of, parse_urdf, usable_urdf
+from slip_core.grasp_params import ObjectParams
 from slip_core.records import WholeArray
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.plant import DivergenceError
@@ -71,9 +72,8 @@ def free_object_model(arms: Mapping[str, BridgeParams], urdfs: Mapping[str, str]
         whole.attach(spec, prefix=name_of(name, ""), frame=frame)
     whole.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     first = next(iter(arms.values())).object
-    grasped, J = whole.worldbody.add_body(name=OBJECT), inertia_from_six(first.inertia)
-    grasped.mass, grasped.ipos, grasped.explicitinertial = first.mass, np.zeros(3), True
-    grasped.fullinertia = [J[0, 0], J[1, 1], J[2, 2], J[0, 1], J[0, 2], J[1, 2]]
+    grasped = whole.worldbody.add_body(name=OBJECT)
+    give_inertia(grasped, first, np.eye(3), np.zeros(3))
     grasped.add_freejoint()
     return compile_spec(whole)
 
@@ -98,25 +98,14 @@ def sensor_address(model: mujoco.MjModel) -> slice:
     return slice(first, first + 6)
 
 
-def set_object_inertia(body: mujoco.MjsBody, params: BridgeParams) -> None:
-    """Give `body`, whose frame is the grasp frame {p}, the object's mass, centre of mass and inertia.
+def give_inertia(body: mujoco.MjsBody, of: ObjectParams, rotation: Array, place: Array) -> None:
+    """Give `body` the object's mass and inertia.
 
-    p_x_o = -o_R_p^T o_x_p, inertia turned to {p} axes.
+    rotation, place: of the body's frame on the object's axes, from its centre of mass; (3, 3), (3,) [m].
     """
-    o_R_p = matrix_from_quat_xyzw(params.contacts.orientation_xyzw[:4])
-    o_x_p = np.array(params.contacts.position[:3])
-    J = o_R_p.T @ inertia_from_six(params.object.inertia) @ o_R_p
-    body.mass = params.object.mass
-    body.ipos = -o_R_p.T @ o_x_p
+    J = rotation.T @ inertia_from_six(of.inertia) @ rotation
+    body.mass, body.ipos, body.explicitinertial = of.mass, -rotation.T @ place, True
     body.fullinertia = [J[0, 0], J[1, 1], J[2, 2], J[0, 1], J[0, 2], J[1, 2]]
-    body.explicitinertial = True
-
-
-def push_object(data: mujoco.MjData, body: int, wrench: Array) -> None:
-    """Let a wrench act at the origin of a body until the next step; (6,) [N, N m] {w}. MuJoCo's acts at its mass."""
-    force = wrench[:3]
-    data.xfrc_applied[body, :3] = force
-    data.xfrc_applied[body, 3:] = wrench[3:] + np.cross(data.xpos[body] - data.xipos[body], force)
 
 
 def compile_spec(spec: mujoco.MjSpec) -> mujoco.MjModel:

@@ -29,9 +29,8 @@ from slip_sim_bridge.plant.model import (
     check_divergence,
     compile_spec,
     effort_limits,
-    push_object,
+    give_inertia,
     sensor_address,
-    set_object_inertia,
     tree_of,
 )
 from slip_sim_bridge.plant.rigid_step import RIGID_CONTACT, RigidContact, read_rigid, rigid_step
@@ -56,7 +55,8 @@ def build_model(params: BridgeParams, urdf_text: str) -> mujoco.MjModel:
     spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     pad = add_pad(spec, params.ee_frame)
     grasped = pad.add_body(name=OBJECT)
-    set_object_inertia(grasped, params)
+    at, turned = params.contacts.position[:3], params.contacts.orientation_xyzw[:4]
+    give_inertia(grasped, params.object, matrix_from_quat_xyzw(turned), np.array(at))
     slide, hinge = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
     for name, kind, axis in zip(SLIP_JOINTS, (slide, slide, hinge), np.eye(3), strict=True):
         grasped.add_joint(name=name, type=kind, axis=axis)
@@ -203,10 +203,11 @@ class RigidPlant:
 
     def _lean(self) -> None:
         """Put the hand's wrench on the object, and on the joints for the friction law, which looks ahead of MuJoCo."""
-        push_object(self.data, self._body, self._push)
+        data, body, force, torque = self.data, self._body, self._push[:3], self._push[3:]
+        data.xfrc_applied[body, :3] = force  # at the centre of mass; the hand's is at the origin of the body
+        data.xfrc_applied[body, 3:] = torque + np.cross(data.xpos[body] - data.xipos[body], force)
         self._outside = np.zeros(self.model.nv)
-        point = self.data.xpos[self._body]
-        mujoco.mj_applyFT(self.model, self.data, self._push[:3], self._push[3:], point, self._body, self._outside)
+        mujoco.mj_applyFT(self.model, data, force, torque, data.xpos[body], body, self._outside)
 
     def _solve(
         self, effort: Array, normal_force: float, substeps: int, stops: Array, keep: int, drives: Array = NO_DRIVES
