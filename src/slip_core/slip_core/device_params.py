@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Final, Literal
+from typing import Annotated, Any, Final, Literal
+
+from pydantic import Field
 
 from slip_core.params import ParameterModel, parameter
 from slip_core.types import CommandInterface as CommandInterface
@@ -11,11 +13,11 @@ EACH = "one number for all joints or one per joint, empty = none"
 """What a list of joints means; see `DriveModel.of_joints`."""
 
 
+NotNegative = Annotated[float, Field(ge=0.0)]
+
+
 class DriveModel(ParameterModel):
     """Drives of the joints: what is known of them; the launcher fills it from the drive's preset."""
-
-    NOT_NEGATIVE: ClassVar[tuple[str, ...]] = ("armature", "coulomb")
-    """Lists of the joints that are not negative."""
 
     delay_s: float = parameter(
         0.0, "time from a command to its effect, which no stamp shows; whole control periods", unit="s", ge=0.0, le=0.1
@@ -26,11 +28,11 @@ class DriveModel(ParameterModel):
     bandwidth: float = parameter(
         300.0, "interfaces velocity and position: rate with which the joint follows its command", unit="rad/s", gt=0.0
     )
-    armature: tuple[float, ...] = parameter(
+    armature: tuple[NotNegative, ...] = parameter(
         (), f"inertia of the motors on the side of the joints: the rotor's by the gear's ratio squared; {EACH}",
         unit="kg m2",
     )  # fmt: skip
-    coulomb: tuple[float, ...] = parameter((), f"Coulomb friction of the joints; {EACH}", unit="N m")
+    coulomb: tuple[NotNegative, ...] = parameter((), f"Coulomb friction of the joints; {EACH}", unit="N m")
 
     def of_joints(self, name: str, joints: int) -> tuple[float, ...]:
         """Return what is configured by such a list, of each joint.
@@ -47,12 +49,11 @@ class DriveModel(ParameterModel):
         """See that the lists fit an arm.
 
         Raises:
-            ValueError: a list of another length, or with a negative number where it has none.
+            ValueError: a list of another length.
         """
-        for name in self.NOT_NEGATIVE:
-            values = self.of_joints(name, joints)
-            if min(values) < 0.0:
-                raise ValueError(f"drive.{name} {list(values)}: none of them is negative")
+        for name, value in self:
+            if isinstance(value, tuple):
+                self.of_joints(name, joints)
 
 
 class JointSensorModel(ParameterModel):

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
-from slip_core.device_params import EACH, CommandInterface, DriveModel
+from slip_core.device_params import EACH, CommandInterface, DriveModel, NotNegative
 from slip_core.params import parameter
 
 
 class DriveParams(DriveModel):
     """Drives of an arm."""
 
-    NOT_NEGATIVE: ClassVar[tuple[str, ...]] = (*DriveModel.NOT_NEGATIVE, "viscous")
     interface: CommandInterface = parameter(
         "effort", "what the drives take: effort [N m], or velocity [rad/s] or position [rad] with a loop of their own"
     )
-    viscous: tuple[float, ...] = parameter((), f"viscous friction of the joints; {EACH}", unit="N m s/rad")
+    viscous: tuple[NotNegative, ...] = parameter((), f"viscous friction of the joints; {EACH}", unit="N m s/rad")
     offset: tuple[float, ...] = parameter(
         (), f"interface effort: constant added to the effort at the joint; {EACH}", unit="N m"
     )
@@ -24,8 +21,3 @@ class DriveParams(DriveModel):
         0.0, "interface effort: amplitude of a torque that goes as the sine of six times the joint's position",
         unit="N m", ge=0.0,
     )  # fmt: skip
-
-    def check(self, joints: int) -> None:
-        """See `DriveModel.check`."""
-        super().check(joints)
-        self.of_joints("offset", joints)

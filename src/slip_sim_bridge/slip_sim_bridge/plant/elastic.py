@@ -212,15 +212,6 @@ class ElasticPlant(LoosePlant):
         )
         return out
 
-    def energy(self) -> tuple[float, float]:
-        """Return the mechanical energy (motion, height, pads) and what friction and dampers have taken [J]."""
-        data = self.data
-        mujoco.mj_energyPos(self.model, data)
-        mujoco.mj_energyVel(self.model, data)
-        stored = sum(0.5 * float(c.deflection @ (c.stiffness * c.deflection)) for c in self._contacts)
-        taken = sum(float(c.rubbed + c.damped) for c in self._contacts)
-        return float(data.energy[0] + data.energy[1]) + stored, taken
-
     def _look(self) -> None:
         """Take the poses of pads and object, and the pads' Jacobians, from MuJoCo."""
         data, frames = self.data, self._frames
