@@ -20,7 +20,7 @@ import pytest
 
 from slip_core.errors import InputError
 from slip_vic.experiments import suite
-from slip_vic.experiments.engines import Died, EngineName
+from slip_vic.experiments.engines import Died, EngineName, open_engine
 from slip_vic.experiments.engines.cluster import RayEngine
 from slip_vic.experiments.rows import FILE, digest_of
 from slip_vic.experiments.runner import fill, tasks_of
@@ -125,8 +125,12 @@ def test_rows_of_the_benchmark_are_those_of_the_pool(cluster: Any, tmp_path: Pat
     drawn = [world for world in suite.worlds("capped", 1, 6) if world.drive == "drawn"]
     short = [replace(world, settings=(*world.settings, "bridge.duration_s=0.1")) for world in drawn]
     assert len(short) == 3
+    found = []
     engines: tuple[EngineName, ...] = ("pool", "ray")
-    pool, ray = (fill(tmp_path / one / FILE, one, tasks_of(short, ("vic",)), one, 1).rows for one in engines)
+    for one in engines:
+        with open_engine(one, 1) as workers:
+            found.append(fill(tmp_path / one / FILE, one, tasks_of(short, ("vic",)), workers).rows)
+    pool, ray = found
     assert len(ray) == 3
     assert all(float(row["effort_rate_rms_n_m_s"]) > 0.0 for row in ray)
     assert digest_of(ray) == digest_of(pool)

@@ -114,7 +114,8 @@ def test_a_run_that_kills_its_workers_is_a_row(
     """Of a study and of the benchmark: the engine counts deaths by task, so worlds are hashable."""
     monkeypatch.setattr(runner, "run_on_worker", tasks.deadly_run)
     worlds = [replace(world, seed=k, set=name) for k, world in enumerate(suite.worlds("capped", 1, 4))]
-    done = runner.fill(tmp_path / FILE, name, tasks_of(worlds, ("vic",)), "pool", 2)
+    with PoolEngine(2) as workers:
+        done = runner.fill(tmp_path / FILE, name, tasks_of(worlds, ("vic",)), workers)
     found = {row["seed"]: row for row in done.rows}
     assert [found[str(seed)]["outcome"] for seed in range(4)] == ["ok", "crashed", "ok", "ok"]
     assert "its process died 3 times" in found["1"]["reason"]

@@ -28,14 +28,14 @@ def test_worlds_cover_every_scenario_motion_and_error(worlds: list[World]) -> No
     assert {world.scenario for world in worlds} == {"paper_planar", "vertical_plane", "glass_transport"}
     assert {world.motion for world in worlds} == set(KINDS)
     for world in worlds:
-        known, drawn = load_scenario(world.scenario).bridge, world.load("governed", "observer").bridge
+        known, drawn = load_scenario(world.scenario).bridge, world.load("governed").bridge
         assert abs(drawn.object.mass / known.object.mass - 1.0) <= SPREAD
         assert abs(drawn.friction.mu_s / known.friction.mu_s - 1.0) <= SPREAD
         assert carries_weight(drawn)
 
 
 def test_about_half_of_the_drives_take_velocities_or_positions(worlds: list[World]) -> None:
-    arms = [world.load("governed", "observer") for world in worlds]
+    arms = [world.load("governed") for world in worlds]
     assert {arm.bridge.drive.interface for arm in arms} == {"effort", "velocity", "position"}
     assert {arm.bridge.friction.model for arm in arms} == {"stribeck", "coulomb", "lugre"}
     assert 0.3 < sum(arm.bridge.drive.interface == "effort" for arm in arms) / len(arms) < 0.7

@@ -45,7 +45,7 @@ def test_every_parameter_of_the_worlds_exists() -> None:
     for world in worlds_of():
         own = {parameter_of(setting) for setting in world.settings} | {world.scenario, world.sensor}
         if own - seen:
-            world.load("governed", "observer")
+            world.load("governed")
             seen, loaded = seen | own, loaded + 1
     assert loaded > 5
 

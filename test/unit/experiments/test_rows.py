@@ -9,8 +9,18 @@ import pytest
 
 from slip_core.errors import InputError
 from slip_vic.cli import main
-from slip_vic.experiments.rows import FILE, RowFile, Task, digest_of, joined, key_of, read_json
-from slip_vic.experiments.run import METRICS, TIMED, Result, failed
+from slip_vic.experiments.rows import (
+    FILE,
+    Task,
+    digest_of,
+    joined,
+    key_of,
+    read_json,
+    read_rows,
+    rows_added,
+    write_rows,
+)
+from slip_vic.experiments.run import METRICS, Result, failed
 from slip_vic.experiments.world import World
 
 MADE_OF = {"numpy": "2.0"}
@@ -22,58 +32,63 @@ def result(seed: int = 0, value: float = 1.0, law: str = "vic") -> Result:
 
 def test_a_file_continues_where_it_stopped(tmp_path: Path) -> None:
     path = tmp_path / FILE
-    with RowFile(path, MADE_OF) as file:
-        file.append(result(10))
-        file.append(failed(result(2).world, "vic", "crashed", "it was\nthe weather"))
+    with rows_added(path, MADE_OF) as (done, add):
+        assert done == set()
+        add(result(10))
+        add(failed(result(2).world, "vic", "crashed", "it was\nthe weather"))
     with path.open("a", encoding="utf-8") as cut:
         cut.write("study,3,vic,paper_pl")  # cut off by a full disk or a kill
-    with RowFile(path, MADE_OF) as again:
-        assert again.done() == {Task(*result(10)[:2]).key}
-        again.append(result(2))
-        again.append(result(0))
-        assert [row["seed"] for row in again.rows()] == ["10", "2", "0"]
-    assert [row["seed"] for row in again.rows()] == ["0", "2", "10"]
-    assert read_json(path) == (MADE_OF, digest_of(again.rows()))
+    with rows_added(path, MADE_OF) as (done, add):
+        assert done == {Task(*result(10)[:2]).key}
+        add(result(2))
+        add(result(0))
+        assert [row["seed"] for row in read_rows(path)] == ["10", "2", "0"]
+    assert [row["seed"] for row in read_rows(path)] == ["0", "2", "10"]
+    assert read_json(path) == (MADE_OF, digest_of(read_rows(path)))
 
 
 def test_a_row_keeps_every_bit(tmp_path: Path) -> None:
-    with RowFile(tmp_path / FILE, MADE_OF) as file:
-        file.append(result(0, 0.1 + 0.2))
-        (row,) = file.rows()
+    with rows_added(tmp_path / FILE, MADE_OF) as (_, add):
+        add(result(0, 0.1 + 0.2))
+    (row,) = read_rows(tmp_path / FILE)
     assert {float(row[name]) for name in METRICS} == {0.1 + 0.2}
     assert key_of(row) == Task(*result(0)[:2]).key
 
 
 def test_a_file_keeps_to_what_it_is_made_of(tmp_path: Path) -> None:
-    path = tmp_path / FILE
-    with RowFile(path, MADE_OF):
-        pass
+    path = filled(tmp_path, range(1)) / FILE
     with pytest.raises(InputError, match=r"got numpy 2\.0, expected 2\.1; give another folder"):
-        RowFile(path, {"numpy": "2.1"})
-    with RowFile(path, {"sensor ideal": "d3"}) as file:
-        assert file.made_of == {"numpy": "2.0", "sensor ideal": "d3"}
+        filled(tmp_path, range(1), made={"numpy": "2.1"})
+    filled(tmp_path, range(1), made={"sensor ideal": "d3"})
+    assert read_json(path)[0] == {"numpy": "2.0", "sensor ideal": "d3"}
     path.with_suffix(".json").write_text('{"assignments": []}')
     with pytest.raises(InputError, match="another folder"):
-        RowFile(path, MADE_OF)
+        filled(tmp_path, range(1))
+
+
+def test_a_file_without_a_column_is_no_file_of_rows(tmp_path: Path) -> None:
+    path = filled(tmp_path, range(1)) / FILE
+    path.write_text(path.read_text().replace("off_goal_m", "off"))
+    with pytest.raises(InputError, match="no column off_goal_m"):
+        read_rows(path)
 
 
 def test_a_place_that_cannot_be_written() -> None:
     with pytest.raises(InputError, match="--out /proc/study"):
-        RowFile(Path("/proc/study") / FILE, MADE_OF)
+        filled(Path("/proc/study"), range(1))
 
 
 def test_a_folder_is_for_one_process_at_a_time(tmp_path: Path) -> None:
-    path = tmp_path / FILE
-    with RowFile(path, MADE_OF), pytest.raises(InputError, match=f"in use by process {os.getpid()}"):
-        RowFile(path, MADE_OF)
-    with RowFile(path, MADE_OF):
-        pass
+    in_use = pytest.raises(InputError, match=f"in use by process {os.getpid()}")
+    with rows_added(tmp_path / FILE, MADE_OF), in_use:
+        filled(tmp_path, range(1))
+    filled(tmp_path, range(1))
 
 
 def filled(folder: Path, seeds: range, value: float = 1.0, made: dict[str, str] = MADE_OF) -> Path:
-    with RowFile(folder / FILE, made) as file:
+    with rows_added(folder / FILE, made) as (_, add):
         for seed in reversed(seeds):
-            file.append(result(seed, value))
+            add(result(seed, value))
     return folder
 
 
@@ -81,11 +96,10 @@ def test_shards_join_to_the_whole(tmp_path: Path) -> None:
     parts = [filled(tmp_path / str(k), range(k, 10, 3)) for k in range(3)]
     rows, made = joined(parts)
     assert made == MADE_OF
-    with RowFile(tmp_path / "joined" / FILE, made) as file:
-        file.put(rows)
-    whole = filled(tmp_path / "whole", range(10)) / FILE
-    assert file.path.read_text() == whole.read_text()
-    assert file.path.with_suffix(".json").read_text() == whole.with_suffix(".json").read_text()
+    path, whole = tmp_path / FILE, filled(tmp_path / "whole", range(10)) / FILE
+    write_rows(path, rows, made)
+    assert path.read_text() == whole.read_text()
+    assert path.with_suffix(".json").read_text() == whole.with_suffix(".json").read_text()
 
 
 def test_what_does_not_fit_is_not_joined(tmp_path: Path) -> None:
@@ -98,12 +112,6 @@ def test_what_does_not_fit_is_not_joined(tmp_path: Path) -> None:
     assert len(joined([one, newer], versions=["numpy"])[0]) == 1
     with pytest.raises(InputError, match="nothing"):
         joined([tmp_path / "nothing"])
-
-
-def test_the_digest_of_rows_leaves_times_out(tmp_path: Path) -> None:
-    (row,) = joined([filled(tmp_path, range(1))])[0]
-    assert digest_of([row]) == digest_of([row | dict.fromkeys(TIMED, "0.5")])
-    assert digest_of([row]) != digest_of([row | {"slip_linear_m": "0.5"}])
 
 
 @pytest.mark.parametrize(

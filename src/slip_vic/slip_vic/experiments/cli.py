@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from slip_vic.experiments.engines import EngineName
     from slip_vic.experiments.runner import Done
     from slip_vic.experiments.world import Track
-    from slip_vic.scenarios.scenario import Law
 
 
 def shard(context: click.Context, parameter: click.Parameter, text: str) -> slice:
@@ -78,8 +77,7 @@ def mismatches_option(default: str) -> Decorator:
 @SENSORS
 @LAWS_OPTION
 @mismatches_option("none")
-@click.option("--seeds", type=click.IntRange(1), default=5, show_default=True, help="how many seeds")
-@click.option("--first", type=click.IntRange(0), default=0, show_default=True, help="the first seed")
+@click.option("--seeds", type=click.IntRange(1), default=5, show_default=True, help="how many, from 0 on")
 @out_option("study", "folder; one that has rows continues")
 @JOBS
 @ENGINE
@@ -95,7 +93,7 @@ def mismatches_option(default: str) -> Decorator:
 @ALLOW_FAULT
 def study(
     *, scenarios: tuple[str, ...], sensors: tuple[str, ...], laws: tuple[str, ...], mismatches: tuple[str, ...],
-    seeds: int, first: int, out: Path, jobs: int, engine: EngineName, part: slice,
+    seeds: int, out: Path, jobs: int, engine: EngineName, part: slice,
     drives: tuple[str, ...], assignments: tuple[str, ...], urdf: Path | None, drawn: int, seed: int, allow_fault: bool,
 ) -> None:  # fmt: skip
     """Run scenario x drive x sensor x mismatch under laws over seeds: table, rows.csv, rows.png.
@@ -112,14 +110,14 @@ def study(
     from slip_vic.scenarios.scenario import drive_assignments, urdf_assignment
 
     if drawn:
-        _refuse("--lottery draws its worlds itself and takes no", {"sensors", "mismatches", "seeds", "first", "urdf"})
+        _refuse("--lottery draws its worlds itself and takes no", {"sensors", "mismatches", "seeds", "urdf"})
         worlds = list(drawn_worlds(drawn, seed, scenarios, "".join(drives[:1]), assignments))
     else:
         chosen = scenarios or tuple(scenario_names(1))
         settings = (*urdf_assignment(urdf), *assignments)
         by_drive = {drive: drive_assignments(drive, chosen[0], settings) if drive else () for drive in drives or ("",)}
         worlds = combined(
-            chosen, sensors or tuple(preset_names("sensors")), mismatches, range(first, first + seeds), by_drive,
+            chosen, sensors or tuple(preset_names("sensors")), mismatches, range(seeds), by_drive,
             settings,
         )  # fmt: skip
         for world in {world.scenario: world for world in worlds}.values():
@@ -196,32 +194,25 @@ def check(*, choice: Choice, mismatches: tuple[str, ...]) -> None:
 @SENSOR
 @click.option("--law", type=click.Choice(["vic", "governed"]), default="vic", show_default=True, help="control law")
 @mismatches_option("none,mass+,mass-,friction+,friction-")
-@click.option("--seeds", type=click.IntRange(1), default=2, show_default=True, help="seeds that the search sees")
 @click.option(
-    "--unseen", type=click.IntRange(1), default=5, show_default=True, help="seeds that the result is tried on"
+    "--seeds", type=click.IntRange(1), default=2, show_default=True, help="that the search sees; as many more try it"
 )
 @click.option("--trials", type=click.IntRange(2), default=40, show_default=True, help="sets that are tried")
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="of the search")
-@click.option(
-    "--effort-rate", type=click.FloatRange(1.0), default=1.2, show_default=True,
-    help="largest effort rate, as a factor on the default's",
-)  # fmt: skip
-@click.option("--later", type=click.FloatRange(0.0), default=0.3, show_default=True, help="latest arrival after it [s]")
 @out_option("tune", "folder; one that has rows continues")
 @JOBS
 @ENGINE
 @ASSIGNMENTS
 def tune(
-    *, scenario: str, sensor: str, law: Law, mismatches: tuple[str, ...], seeds: int, unseen: int, trials: int,
-    seed: int, effort_rate: float, later: float, out: Path, jobs: int, engine: EngineName, assignments: tuple[str, ...],
+    *, scenario: str, sensor: str, law: str, mismatches: tuple[str, ...], seeds: int, trials: int, out: Path, jobs: int,
+    engine: EngineName, assignments: tuple[str, ...],
 ) -> None:  # fmt: skip
     """Search gains for less slip with a sensor: rows.csv, controller.yaml."""
     require_extra("optuna", "slip-vic tune", "tune")
     from slip_vic.experiments.tune import run_tune
     from slip_vic.experiments.world import World
 
-    base, bounds = World(scenario, sensor, settings=assignments), (effort_rate, later)
-    click.echo(run_tune(base, law, mismatches, seeds, unseen, bounds, trials, seed, out, engine, jobs))
+    base = World(scenario, sensor, settings=assignments)
+    click.echo(run_tune(base, law, mismatches, seeds, trials, out, engine, jobs))
 
 
 @click.group()
@@ -265,18 +256,3 @@ def compare(folders: tuple[Path, ...], out: Path) -> None:
     rows = compared(folders)
     out.mkdir(parents=True, exist_ok=True)
     show(rows, out)
-
-
-@benchmark.command()
-@click.argument("folder", type=click.Path(path_type=Path))
-@click.option("--law", default="", help="of the result, where it is none of this suite: its code runs")
-def verify(folder: Path, law: str) -> None:
-    """Run ten worlds of a result again, drawn by its own digest; exit code 1 where one differs."""
-    from slip_vic.experiments.suite import verify_result
-
-    count, wrong = verify_result(folder, law)
-    for line in wrong:
-        click.echo(line, err=True)
-    click.echo(f"{folder}: {count} worlds ran again, {'they differ' if wrong else 'all are equal'}")
-    if wrong:
-        raise click.exceptions.Exit(1)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import time
 from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import Any, Final
@@ -20,7 +19,7 @@ from slip_core.params import build, flatten
 from slip_core.records import Records, new, record, records
 from slip_core.types import JointCommand, SlipSample
 from slip_core.vectors import spatial
-from slip_vic.experiments.law import Answer, Effort, Law, Pad, Reference, Seen, Setup, numbers
+from slip_vic.experiments.law import Answer, Effort, Law, Pad, Reference, Seen, Setup
 from slip_vic.run.in_process import Tick, run_in_process
 from slip_vic.scenarios.scenario import Scenario
 from slip_vic_controller.arm.command import (
@@ -46,8 +45,6 @@ from slip_vic_controller.safety.effort_limiter import (
 from slip_vic_controller.session.cycle_result import CycleResult
 from slip_vic_controller.state import CONFIG, ControllerConfig
 
-LONGEST_STEP_S: Final = 2.0
-"""A step that takes longer ends the run."""
 WATCH: Final[dict[str, Any]] = {
     "controller": "classical", "command.interface": "effort", "governor.mode": "off", "slip_estimator": "measured",
     "joint_sensor.noise_velocity": 0.0, "joint_sensor.quantum_position": 0.0,
@@ -64,6 +61,23 @@ class LawError(Exception):
     """What a law did that a law must not do, in one line."""
 
 
+def numbers(what: str, given: object, size: int) -> Array:
+    """Return what a law gave as an array of this size.
+
+    Raises:
+        LawError: another shape, or numbers that are not finite.
+    """
+    try:
+        found = np.array(given, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise LawError(f"{what} is {given!r:.60}; expected {size} numbers") from None
+    if found.shape != (size,):
+        raise LawError(f"{what} has the shape {found.shape}; expected ({size},)")
+    if not np.isfinite(found).all():
+        raise LawError(f"{what} is not finite: {found.tolist()}")
+    return found
+
+
 class Driven:
     """A run of a scenario under a law.
 
@@ -78,7 +92,7 @@ class Driven:
     Attributes:
         scenario: the same with the controller that watches.
         failure: what the law did wrong, in one line; it ends the run.
-        step_s: time of each step of the law [s]; grips: squeeze that was commanded at each tick, the largest arm's [N].
+        grips: squeeze that was commanded at each tick, the largest arm's [N].
     """
 
     def __init__(self, scenario: Scenario, law: Law, most_grip: float | None = None) -> None:
@@ -93,7 +107,6 @@ class Driven:
         self._arms = [_Arm(scenario, name) for name in scenario.controllers]
         self._several = len(self._arms) > 1
         self.failure = ""
-        self.step_s: list[float] = []
         self.grips: list[float] = []
 
     def ticks(self) -> Iterator[Tick]:
@@ -105,12 +118,7 @@ class Driven:
                 if not begun:
                     self._guarded("reset", self._setup(tick))
                     begun = True
-                begin = time.perf_counter()
-                given = self._guarded("step", seen)
-                self.step_s.append(time.perf_counter() - begin)
-                if self.step_s[-1] > LONGEST_STEP_S:
-                    raise LawError(f"step takes longer than {LONGEST_STEP_S:g} s")
-                for arm, answer in enumerate(self._answers(given)):
+                for arm, answer in enumerate(self._answers(self._guarded("step", seen))):
                     self._apply(tick, arm, answer)
             except LawError as error:
                 self.failure = f"{tick.time_s:.3f} s: {error}"
@@ -135,18 +143,15 @@ class Driven:
     def _apply(self, tick: Tick, k: int, answer: object) -> None:
         """Put an answer into a tick, through the limits of the drives."""
         arm, tick.grips[k] = self._arms[k], None
-        try:
-            if answer is not None:
-                if not isinstance(answer, Pad | Effort):
-                    raise ValueError(f"step returns {type(answer).__name__}; expected Pad, Effort or None")
-                if answer.grip is not None:
-                    (grip,) = numbers("grip", [answer.grip], 1)
-                    if grip < 0.0:
-                        raise ValueError(f"grip is {grip:g} N; expected 0 or more")
-                    arm.grip = tick.grips[k] = arm.squeeze = min(float(grip), self._most_grip)
-            tick.commands[k] = arm.command(answer, tick, k)
-        except ValueError as error:
-            raise LawError(str(error)) from None
+        if answer is not None:
+            if not isinstance(answer, Pad | Effort):
+                raise LawError(f"step returns {type(answer).__name__}; expected Pad, Effort or None")
+            if answer.grip is not None:
+                (grip,) = numbers("grip", [answer.grip], 1)
+                if grip < 0.0:
+                    raise LawError(f"grip is {grip:g} N; expected 0 or more")
+                arm.grip = tick.grips[k] = arm.squeeze = min(float(grip), self._most_grip)
+        tick.commands[k] = arm.command(answer, tick, k)
 
     def _seen(self, tick: Tick) -> Seen:
         first, *others = [arm.see(tick, k, self._law.needs) for k, arm in enumerate(self._arms)]
@@ -250,7 +255,7 @@ class _Arm:
         Drives with loops of their own get the motion that the effort gives the arm's model, as the controller's do.
 
         Raises:
-            ValueError: an answer that gives no finite command; one line.
+            LawError: an answer that gives no finite command.
         """
         interface, stamp_ns, result = self.config.command.interface, tick.outputs.stamp_ns, tick.results[k]
         if answer is None:
@@ -273,14 +278,14 @@ class _Arm:
             start_motion(self.config.command, self._motion, result.joint.position, result.joint.velocity)
         arm, qdd, limited = result.arm, np.zeros(self.joints), np.zeros(self.joints, np.int64)
         if not joint_acceleration(self.joints, arm.M, arm.bias, arm.J, self._torque.h_ee, tau, qdd):
-            raise ValueError("no finite acceleration of the joints at this posture")
+            raise LawError("no finite acceleration of the joints at this posture")
         advance_motion(self.config.command, self._motion, qdd, result.joint.velocity, self._period_s, limited)
 
     def torque(self, result: CycleResult, acceleration: Array) -> Array:
         """Return the effort of an acceleration of the pad; (6,) {w} -> (n,) [N m].
 
         Raises:
-            ValueError: at a posture without a finite effort.
+            LawError: at a posture without a finite effort.
         """
         q, qd = np.array(result.joint.position), np.array(result.joint.velocity)
         if self._posture is None:
@@ -291,7 +296,7 @@ class _Arm:
         )
         effort = np.array(self._torque.tau[: self.joints])
         if not solved or not np.isfinite(effort).all():
-            raise ValueError("Pad.acceleration gives no finite effort at this posture")
+            raise LawError("Pad.acceleration gives no finite effort at this posture")
         return effort
 
     def limited(self, wanted: Array, tick: Tick, k: int) -> Array:

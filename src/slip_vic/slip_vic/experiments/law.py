@@ -205,12 +205,10 @@ def find_law(name: str) -> FoundLaw:
         raise UnknownName(
             "law", kind, [one for one, value in vars(module).items() if inspect.isclass(value)], where=where
         )
-    for method in ("reset", "step"):
-        if not callable(getattr(found, method, None)):
-            raise InputError(f"law {name}", got=f"no {method}()", expected="needs, reset(setup) and step(seen)")
-    needs = getattr(found, "needs", None)
-    if not isinstance(needs, (frozenset, set)) or not set(needs) <= set(NEEDS):
-        raise InputError(f"law {name}: needs", got=needs, expected=f"a frozenset of {', '.join(NEEDS)}")
+    needs, methods = getattr(found, "needs", None), [getattr(found, method, None) for method in ("reset", "step")]
+    if not all(map(callable, methods)) or not isinstance(needs, (frozenset, set)) or not set(needs) <= set(NEEDS):
+        expected = f"reset(setup), step(seen), and needs as a frozenset of {', '.join(NEEDS)}"
+        raise InputError(f"law {name}", got=f"class {kind} without them", expected=expected)
     source = hashlib.sha256(Path(inspect.getfile(found)).read_bytes()).hexdigest()[:16]
     key, _, value = change.partition("=")
     if change and "." not in key:
@@ -239,22 +237,3 @@ def _module_of_file(path: Path) -> ModuleType:
         del sys.modules[name]
         raise
     return module
-
-
-def numbers(what: str, given: object, size: int) -> Array:
-    """Return what a law gave as an array of this size.
-
-    Raises:
-        ValueError: another shape, or numbers that are not finite; one line that says so.
-    """
-    import numpy as np
-
-    try:
-        found = np.array(given, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ValueError(f"{what} is {given!r:.60}; expected {size} numbers") from None
-    if found.shape != (size,):
-        raise ValueError(f"{what} has the shape {found.shape}; expected ({size},)")
-    if not np.isfinite(found).all():
-        raise ValueError(f"{what} is not finite: {found.tolist()}")
-    return found

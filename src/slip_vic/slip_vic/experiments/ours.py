@@ -20,7 +20,7 @@ class Vic:
     needs: ClassVar[frozenset[str]] = frozenset({"wrench", "slip"})
     several: ClassVar[bool] = True
     configured: ClassVar[str] = "vic"
-    """Which of `run.OWN_LAWS` the parameters in `Setup` are for."""
+    """Which of `world.OWN_LAWS` the parameters in `Setup` are for."""
     stiffness: ClassVar[float] = 1.0
     """Factor of the stiffness as configured; damping goes with its square root, so that the damping ratio stays."""
 

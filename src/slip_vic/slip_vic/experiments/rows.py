@@ -12,14 +12,14 @@ import fcntl
 import io
 import json
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Final, NamedTuple, Self
+from typing import Final, NamedTuple
 
 from slip_core.errors import InputError
 from slip_core.files.plain_yaml import parse_json
 from slip_core.files.resources import open_file, read_text
-from slip_vic.experiments.run import METRICS, TIMED, Result
+from slip_vic.experiments.run import METRICS, Result
 from slip_vic.experiments.world import World
 from slip_vic.run.versions import digest
 
@@ -53,8 +53,12 @@ class Task(NamedTuple):
         return " ".join(filter(None, self.key[:-1]))
 
 
-class RowFile:
-    """The rows of an experiment; a context manager that holds their lock.
+@contextlib.contextmanager
+def rows_added(path: Path, made_of: Mapping[str, str]) -> Iterator[tuple[set[Key], Callable[[Result], None]]]:
+    """Give the keys of the runs that a file has, but for those that crashed, and a function that adds a row.
+
+    The file is locked while the block runs. At its end the rows are put in the order of their runs: the same file,
+    whichever was first.
 
     Args:
         path: of the CSV file; its folder is made where it does not exist.
@@ -63,48 +67,22 @@ class RowFile:
     Raises:
         InputError: the file cannot be written, is in use, or holds rows that are made of something else.
     """
+    with locked(path):
+        before = read_json(path)[0] if path.with_suffix(".json").exists() else {}
+        refuse_difference(before, made_of, f"rows in {path.parent}", "give another folder")
+        together = {**before, **made_of}
+        there = [row for row in read_rows(path) if row["outcome"] != "crashed"]
+        write_rows(path, there, together)
+        try:
+            with path.open("a", newline="", encoding="utf-8") as file:
 
-    def __init__(self, path: Path, made_of: Mapping[str, str]) -> None:
-        self.path = path
-        with contextlib.ExitStack() as undo:
-            try:
-                path.parent.mkdir(parents=True, exist_ok=True)
-                undo.enter_context(locked(path.with_suffix(".lock")))
-                before = read_json(path)[0] if path.with_suffix(".json").exists() else {}
-                refuse_difference(before, made_of, f"rows in {path.parent}", "give another folder")
-                self.made_of = {**before, **made_of}
-                rows = [row for row in read_rows(path) if row["outcome"] != "crashed"]
-                write_rows(path, rows, self.made_of)
-                self._file = undo.enter_context(path.open("a", newline="", encoding="utf-8"))
-            except (OSError, ValueError) as error:
-                raise InputError(f"--out {path}", got=str(error), expected="a place for an experiment") from None
-            self._close = undo.pop_all()
+                def add(result: Result) -> None:
+                    csv.writer(file).writerow(row_of(result).values())
+                    file.flush()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Put the rows in the order of their runs: the same file, whichever was first."""
-        with self._close:
-            self._file.close()
-            write_rows(self.path, self.rows(), self.made_of)
-
-    def rows(self) -> list[Row]:
-        """Return all complete rows."""
-        return read_rows(self.path)
-
-    def done(self) -> set[Key]:
-        """Return the keys of the runs that need not be made again; those that crashed do."""
-        return {key_of(row) for row in self.rows() if row["outcome"] != "crashed"}
-
-    def put(self, rows: Iterable[Row]) -> None:
-        """Put these rows in the place of those that are there."""
-        write_rows(self.path, rows, self.made_of)
-
-    def append(self, result: Result) -> None:
-        """Add a row."""
-        csv.writer(self._file).writerow(row_of(result).values())
-        self._file.flush()
+                yield {key_of(row) for row in there}, add
+        finally:
+            write_rows(path, read_rows(path), together)
 
 
 def row_of(result: Result) -> Row:
@@ -119,30 +97,25 @@ def key_of(row: Row) -> Key:
     return tuple(row[name] for name in KEY)
 
 
-def timeless(row: Row) -> list[str]:
-    """Return the cells of a row that are the same in each run."""
-    return [cell for name, cell in row.items() if name not in TIMED]
-
-
 def digest_of(rows: Iterable[Row]) -> str:
-    """Return the digest of rows, without what differs from run to run."""
-    return digest(json.dumps(timeless(row)).encode() for row in rows)
+    """Return the digest of rows."""
+    return digest(json.dumps(list(row.values())).encode() for row in rows)
 
 
 def read_rows(path: Path) -> list[Row]:
     """Return the complete rows of a file, of each run the last; none where there is no file.
 
     Raises:
-        ValueError: the file has other columns.
+        InputError: the file lacks columns.
     """
     if not path.exists():
         return []
     with io.TextIOWrapper(open_file(path, f"rows {path}"), "utf-8", newline="") as file:
         reader = csv.DictReader(file)
-        if reader.fieldnames is not None and tuple(reader.fieldnames) != COLUMNS:
-            raise ValueError(f"{path.name} has other columns")
+        if missing := set(COLUMNS).difference(reader.fieldnames or COLUMNS):
+            raise InputError(f"rows {path}", got=f"no column {', '.join(sorted(missing))}", expected="rows of a study")
         found = [row for row in reader if None not in row.values() and None not in row]
-    return list({key_of(row): row for row in found}.values())
+    return list({key_of(row): {name: row[name] for name in COLUMNS} for row in found}.values())
 
 
 def write_rows(path: Path, rows: Iterable[Row], made_of: Mapping[str, str]) -> None:
@@ -200,7 +173,7 @@ def joined(folders: Sequence[Path], versions: Iterable[str] = ()) -> tuple[list[
             there = rows.setdefault(key_of(row), row)
             if there["outcome"] == "crashed":
                 rows[key_of(row)] = row
-            elif timeless(row) != timeless(there) and row["outcome"] != "crashed":
+            elif row != there and row["outcome"] != "crashed":
                 raise InputError(
                     f"folder {folder}", got=f"another result of {' '.join(key_of(row))}",
                     expected="the same row of a run in all folders",
@@ -210,12 +183,17 @@ def joined(folders: Sequence[Path], versions: Iterable[str] = ()) -> tuple[list[
 
 @contextlib.contextmanager
 def locked(path: Path) -> Iterator[None]:
-    """Hold a lock while the block runs; it ends with the process, however that ends.
+    """Make the folder of a file, and hold the file's lock while the block runs; it ends with the process.
 
     Raises:
-        InputError: another process holds it.
+        InputError: another process holds it, or nothing can be written there.
     """
-    with path.open("a+") as lock:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        lock = path.with_suffix(".lock").open("a+")
+    except OSError as error:
+        raise InputError(f"--out {path}", got=str(error), expected="a place for an experiment") from None
+    with lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:

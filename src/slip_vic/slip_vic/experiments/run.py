@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Final, NamedTuple, cast
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -13,49 +13,27 @@ from slip_core.arrays import Array
 from slip_core.errors import SlipVicError
 from slip_vic.experiments.driven import Driven
 from slip_vic.experiments.law import find_law
+from slip_vic.experiments.world import OWN_LAWS, World
 from slip_vic.experiments.world import Track as Capped
-from slip_vic.experiments.world import World
 from slip_vic.run.in_process import Tick, run_in_process
 from slip_vic.run.judge import Verdict, judge
 from slip_vic.run.metrics import off_goal_m
 from slip_vic.run.track import Track
-from slip_vic.scenarios.scenario import LAWS, Estimator, Law, Scenario
+from slip_vic.scenarios.scenario import Scenario
 
 OF_VERDICT: Final = (
     "slip_linear_m", "slip_angular_rad", "slip_linear_peak_m", "slip_speed_peak_m_s", "tracking_rms_m",
     "final_error_m", "final_error_rad", "attitude_excursion_rad", "effort_rate_rms_n_m_s", "arrival_s",
 )  # fmt: skip
-TIMED: Final = ("step_p99_s",)
-"""Metrics that differ from run to run."""
-METRICS: Final = (
-    *OF_VERDICT, "slip_path_m", "slip_path_rad", "off_goal_m", "squeeze_mean_n", "squeeze_peak_n", *TIMED,
-)  # fmt: skip
+METRICS: Final = (*OF_VERDICT, "slip_path_m", "slip_path_rad", "off_goal_m", "squeeze_mean_n", "squeeze_peak_n")
 """Numbers of a run, of several arms the worst. Those of `slip_vic.run.metrics.summarise`; slip_path_*: length of the
 way that the pad slides and turns on the object; off_goal_m: how far the pad ends from the end of its path as planned;
-squeeze_*: as commanded; step_p99_s: time of a step of a foreign law."""
+squeeze_*: as commanded."""
 LOST: Final = ("lost", "fault", "failed", "crashed")
 """Outcomes after which nothing holds the object, or the law has failed."""
 SHORT_M: Final = 0.02
 """A run that keeps the object and ends farther from its goal is short [m]."""
 KINDS: Final = ("kept", "lost", "short", "held", "refused")
-
-
-@dataclass(frozen=True, slots=True)
-class OwnLaw:
-    """A law of the controller as `load_scenario` configures it; more: further assignments."""
-
-    law: Law
-    estimator: Estimator | None = "observer"
-    more: tuple[str, ...] = ()
-
-
-OWN_LAWS: Final[Mapping[str, OwnLaw]] = {
-    "classical": OwnLaw("classical", None),
-    "vic": OwnLaw("vic"),
-    "governed": OwnLaw("governed"),
-    "governed_follow": OwnLaw("governed", more=("controller.grip.control=follow", "bridge.grip.control=follow")),
-}
-"""Laws that experiments configure otherwise than `load_scenario`."""
 
 
 class Result(NamedTuple):
@@ -72,19 +50,6 @@ class Result(NamedTuple):
     metrics: Mapping[str, float]
 
 
-def own_law(name: str) -> OwnLaw | None:
-    """Return a law of the controller by its name; None where it is none.
-
-    ``?parameter=value`` behind the name changes one parameter of the controller, ``vic?slip_estimator=measured``.
-    """
-    base, _, change = name.partition("?")
-    if base not in (*OWN_LAWS, *LAWS):
-        return None
-    found = OWN_LAWS.get(base) or OwnLaw(cast(Law, base), None)
-    more = (*found.more, f"controller.{change}") if change else found.more
-    return OwnLaw(found.law, found.estimator, more)
-
-
 def run(world: World, law: str) -> Result:
     """Run a world under a law; whatever goes wrong becomes the outcome of its row.
 
@@ -92,13 +57,9 @@ def run(world: World, law: str) -> Result:
         world: which; on a track of the benchmark every law runs through the interface for foreign laws.
         law: a name, `module:Class` or `file.py:Class`.
     """
-    own = None if world.track else own_law(law)
+    own = not world.track and law.partition("?")[0] in OWN_LAWS
     try:
-        if own:
-            driven: Driven | Controlled = Controlled(world.load(own.law, own.estimator, own.more))
-        else:
-            driven = _foreign(world, law)
-        outcome, reason, metrics = play(driven)
+        outcome, reason, metrics = play(Controlled(world.load(law)) if own else _foreign(world, law))
     except SlipVicError as error:
         return failed(world, law, "refused", str(error))
     except (Exception, SystemExit) as error:  # the rows of other worlds must come whatever one does
@@ -120,7 +81,6 @@ class Controlled:
 
     scenario: Scenario
     failure: str = ""
-    step_s: list[float] = field(default_factory=list)
     grips: list[float] = field(default_factory=list)
 
     def ticks(self) -> Iterator[Tick]:
@@ -141,8 +101,7 @@ def play(driven: Driven | Controlled) -> tuple[str, str, dict[str, float]]:
 
 def _foreign(world: World, law: str) -> Driven:
     found = find_law(law)
-    configured = OWN_LAWS[getattr(found.kind, "configured", "classical")]
-    scenario = world.load(configured.law, configured.estimator, (*configured.more, *found.settings))
+    scenario = world.load(getattr(found.kind, "configured", "classical"), found.settings)
     return Driven(scenario, found.kind(), most_grip(world.track, scenario))
 
 
@@ -167,8 +126,6 @@ def metrics_of(verdict: Verdict, outcome: str, track: Track, driven: Driven | Co
     paths = [slip_path(slip.times, slip.rows) for slip in slips]
     found["slip_path_m"], found["slip_path_rad"] = max(path[0] for path in paths), max(path[1] for path in paths)
     found["squeeze_mean_n"], found["squeeze_peak_n"] = float(np.mean(driven.grips)), float(max(driven.grips))
-    if driven.step_s:
-        found["step_p99_s"] = float(np.quantile(driven.step_s, 0.99))
     if outcome in LOST:
         found["arrival_s"] = math.nan
     else:

@@ -10,11 +10,22 @@ from typing import NamedTuple
 
 from rich.console import Console
 
-from slip_vic.experiments.engines import Died, EngineName, open_engine
+from slip_vic.experiments.engines import Died, Engine, EngineName, open_engine
 from slip_vic.experiments.law import find_law
-from slip_vic.experiments.rows import FILE, Row, RowFile, Task, joined, key_of, refuse_difference
-from slip_vic.experiments.run import Result, failed, own_law, run
-from slip_vic.experiments.world import World
+from slip_vic.experiments.rows import (
+    FILE,
+    Row,
+    Task,
+    joined,
+    key_of,
+    locked,
+    read_rows,
+    refuse_difference,
+    rows_added,
+    write_rows,
+)
+from slip_vic.experiments.run import Result, failed, run
+from slip_vic.experiments.world import OWN_LAWS, World
 from slip_vic.presets import preset_text
 from slip_vic.run.prepare import prepare
 from slip_vic.run.progress import progress
@@ -42,7 +53,7 @@ def made_of(tasks: Iterable[Task]) -> dict[str, str]:
         found[" ".join(("scenario", world.scenario, *arm))] = _scenario(world.scenario, arm)
         if world.sensor:
             found[f"sensor {world.sensor}"] = _sensor(world.sensor)
-        if world.track or own_law(law) is None:
+        if world.track or law.partition("?")[0] not in OWN_LAWS:
             found[f"law {law}"] = find_law(law).source
     return found
 
@@ -69,37 +80,33 @@ def run_on_worker(wanted: Mapping[str, str], task: Task) -> Result:
     return run(task.world, task.law)
 
 
-def fill(
-    path: Path, name: str, tasks: Sequence[Task], engine: EngineName, jobs: int, more: Mapping[str, str] | None = None
-) -> Done:
+def fill(path: Path, name: str, tasks: Sequence[Task], workers: Engine, more: Mapping[str, str] | None = None) -> Done:
     """Make the runs that a file of rows does not have yet.
 
     Args:
         path: of the file.
         name: of what runs, for the progress that is shown.
         tasks: all.
-        engine: where, with so many `jobs`.
+        workers: make the runs.
         more: what rows depend on beside versions and files, by name.
 
     Raises:
-        InputError: see `made_of` and `RowFile`; no cluster; a worker has other versions or files.
+        InputError: see `made_of` and `rows_added`; a worker has other versions or files.
     """
-    wanted = {**made_of(tasks), **(more or {})}
-    with RowFile(path, wanted) as file:
-        done = file.done()
+    wanted, before = {**made_of(tasks), **(more or {})}, len(workers.deaths)
+    with rows_added(path, wanted) as (done, add):
         left = [task for task in tasks if task.key not in done]
-        there, died = len(tasks) - len(left), []
+        there = len(tasks) - len(left)
         with progress(name, len(tasks), there, Console(stderr=True)) as report:
             if left:
                 prepare()  # here, before workers that start together all begin to
-                with open_engine(engine, jobs) as workers:
-                    for now, (task, result) in enumerate(workers.run(run_on_worker, wanted, left), there + 1):
-                        file.append(failed(*task, "crashed", result.reason) if isinstance(result, Died) else result)
-                        died = [f"a worker died and its run was tried again: {task.name}, {reason}"
-                                for task, reason in workers.deaths]  # fmt: skip
-                        report(now, f"{len(died)} workers died" if died else "")
+            for now, (task, result) in enumerate(workers.run(run_on_worker, wanted, left), there + 1):
+                add(failed(*task, "crashed", result.reason) if isinstance(result, Died) else result)
+                died = len(workers.deaths) - before
+                report(now, f"{died} workers died" if died else "")
     keys = {task.key for task in tasks}
-    return Done([row for row in file.rows() if key_of(row) in keys], there, died)
+    deaths = [f"a worker died and its run was tried again: {task.name}, {why}" for task, why in workers.deaths[before:]]
+    return Done([row for row in read_rows(path) if key_of(row) in keys], there, deaths)
 
 
 def tasks_of(worlds: Sequence[World], laws: Sequence[str]) -> list[Task]:
@@ -111,7 +118,8 @@ def run_study(
     tasks: Sequence[Task], out: Path, engine: EngineName, jobs: int, more: Mapping[str, str] | None = None
 ) -> Done:
     """Make the runs that a folder does not have yet, and show all that were asked for; see `fill`."""
-    done = fill(out / FILE, out.name, tasks, engine, jobs, more)
+    with open_engine(engine, jobs) as workers:
+        done = fill(out / FILE, out.name, tasks, workers, more)
     show(done.rows, out)
     return done
 
@@ -123,8 +131,8 @@ def merge(folders: Sequence[Path], out: Path) -> int:
         InputError: they do not fit together, see `joined`.
     """
     rows, made_of = joined([*folders, *([out] if (out / FILE).exists() else [])])
-    with RowFile(out / FILE, made_of) as file:
-        file.put(rows)
+    with locked(out / FILE):
+        write_rows(out / FILE, rows, made_of)
     show(rows, out)
     return len(rows)
 
@@ -141,9 +149,8 @@ def show(rows: Sequence[Row], out: Path) -> None:
 
 def bad_ones(rows: Sequence[Row]) -> list[str]:
     """Return a line on every run that did not end well."""
-    names = ("set", "world", "law", "scenario", "sensor", "drive", "motion", "mismatch")
     return [
-        f"{' '.join(row[name] for name in names if row[name])}: {row['outcome']}, {row['reason']}"
+        f"{' '.join(filter(None, key_of(row)[:-1]))}: {row['outcome']}, {row['reason']}"
         for row in rows
         if row["outcome"] != "ok"
     ]

@@ -2,22 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Final
-
-from scipy.stats import beta, binom
-
-CONFIDENCE: Final = 0.95
+from scipy.stats import binomtest
 
 
-def clopper_pearson(count: int, total: int, confidence: float = CONFIDENCE) -> tuple[float, float]:
-    """Return the exact bounds of the share of `count` in `total`.
-
-    Implements: C. Clopper, E. Pearson, Biometrika 26 (1934), by quantiles of the beta distribution.
-    """
-    tail = 0.5 * (1.0 - confidence)
-    low = float(beta.ppf(tail, count, total - count + 1)) if count > 0 else 0.0
-    high = float(beta.ppf(1.0 - tail, count + 1, total - count)) if count < total else 1.0
-    return low, high
+def clopper_pearson(count: int, total: int, confidence: float = 0.95) -> tuple[float, float]:
+    """Return the exact two-sided bounds of the share of `count` in `total`."""
+    bounds = binomtest(count, total).proportion_ci(confidence, "exact")
+    return float(bounds.low), float(bounds.high)
 
 
 def mcnemar(before_alone: int, after_alone: int) -> float:
@@ -29,4 +20,4 @@ def mcnemar(before_alone: int, after_alone: int) -> float:
     Implements: McNemar's test, exact: the binomial test of the discordant pairs with one half.
     """
     pairs = before_alone + after_alone
-    return min(1.0, 2.0 * float(binom.cdf(min(before_alone, after_alone), pairs, 0.5)))
+    return float(binomtest(before_alone, pairs).pvalue) if pairs else 1.0

@@ -1,4 +1,4 @@
-"""The benchmark: the suite carry-2026.1, a law in its worlds, and results that are verified and compared."""
+"""The benchmark: the suite carry-2026.1, a law in its worlds, and results that are compared."""
 
 from __future__ import annotations
 
@@ -9,16 +9,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 from importlib import resources
 from pathlib import Path
-from typing import Final, get_args
-
-import numpy as np
+from typing import Final
 
 from slip_core.errors import InputError
-from slip_vic.experiments.law import KNOWN, FoundLaw, find_law
-from slip_vic.experiments.rows import FILE, Row, Task, digest_of, joined, key_of, read_json, read_rows
-from slip_vic.experiments.run import run
+from slip_vic.experiments.law import FoundLaw
+from slip_vic.experiments.rows import FILE, Row, digest_of, joined, read_json, read_rows
 from slip_vic.experiments.world import Track, World, frozen_worlds
-from slip_vic.run.prepare import prepare
 from slip_vic.run.versions import versions
 
 SUITE: Final = "carry-2026.1"
@@ -26,13 +22,6 @@ COUNTS: Final = {1: 300, 2: 60}
 """Worlds with so many arms."""
 DIGEST: Final = "8e44fee3abe2ed8c"
 """Of the digests of all worlds."""
-RANKED: Final = (
-    "slip_path_m", "slip_path_rad", "arrival_s", "final_error_m", "final_error_rad", "squeeze_peak_n",
-    "squeeze_mean_n", "effort_rate_rms_n_m_s",
-)  # fmt: skip
-"""What laws are compared by and `verify_result` looks at."""
-SAMPLE: Final = 10
-"""Worlds that `verify_result` runs again."""
 
 
 @functools.cache
@@ -67,24 +56,25 @@ def suite(law: FoundLaw, count: int, track: Track | None = None, arms: Sequence[
     return [world for n in able for world in worlds(track or track_of(law), n, count)]
 
 
-def read_result(folder: Path) -> tuple[list[Row], str, dict[str, str]]:
-    """Return the rows of a folder, their digest when they were written, and what they are made of.
+def read_result(folder: Path) -> list[Row]:
+    """Return the rows of a folder.
 
     Raises:
-        InputError: it has no rows, or they are of another suite.
+        InputError: it has no rows, they are of another suite, or they were changed after they were written.
     """
-    made_of, digest = read_json(folder / FILE)
-    if made_of.get("suite") != DIGEST:
-        found = made_of.get("suite", "rows of no suite")
-        raise InputError(f"folder {folder}", got=found, expected=f"{SUITE} {DIGEST}, of slip-vic benchmark run")
-    return read_rows(folder / FILE), digest, made_of
+    made_of, written = read_json(folder / FILE)
+    rows = read_rows(folder / FILE)
+    for what, found, wanted in (("suite", made_of.get("suite"), DIGEST), ("rows", digest_of(rows), written)):
+        if found != wanted:
+            raise InputError(f"folder {folder}", got=f"{what} {found}", expected=f"{wanted}, of slip-vic benchmark run")
+    return rows
 
 
 def compared(folders: Sequence[Path]) -> list[Row]:
     """Return the rows of several folders, shards too, in the worlds that all laws of as many arms have.
 
     Raises:
-        InputError: a folder holds no result, two of a law differ, or no world is in all of them.
+        InputError: a folder holds no result, a world of a law differs between two, or no world is in all of them.
     """
     for folder in folders:
         read_result(folder)
@@ -100,49 +90,3 @@ def compared(folders: Sequence[Path]) -> list[Row]:
     if not kept:
         raise InputError("folders", got="no world that all of them have", expected="results of the same worlds")
     return kept
-
-
-def verify_result(folder: Path, given: str = "") -> tuple[int, list[str]]:
-    """Run ten worlds, drawn by the digest of the rows, again; return how many, and one line on each that differs.
-
-    given: the law as the command line names it: a file of results can name any module, and is not followed.
-
-    Raises:
-        InputError: the folder holds no result, or its law is not here, is not named, or has another source.
-    """
-    rows, digest, made_of = read_result(folder)
-    named = {row["law"] for row in rows}
-    if len(named) != 1:
-        raise InputError(f"folder {folder}", got=f"{len(named)} laws", expected="the rows of one")
-    (name,) = named
-    law = given or name
-    if not given and name.partition("?")[0] not in KNOWN:
-        raise InputError(
-            f"folder {folder}", got=f"law {name}, whose code would run here", expected="a law of this suite",
-            fix="read the code, then name it: --law LAW",
-        )  # fmt: skip
-    source, wanted = find_law(law).source, made_of.get(f"law {name}", "no source")
-    if source != wanted:
-        raise InputError(f"law {law}", got=f"source {source}", expected=f"{wanted}, as in {folder}")
-    prepare()
-    found = digest_of(rows)
-    wrong = [] if digest == found else [f"rows have the digest {found}, rows.json has {digest}"]
-    drawn = np.random.default_rng(int(found, 16)).permutation(len(rows))[:SAMPLE]
-    tracks = [track for track in get_args(Track) if track]
-    known = {
-        Task(world, name).key: world
-        for track in tracks for arms, count in COUNTS.items() for world in worlds(track, arms, count)
-    }  # fmt: skip
-    for row in (rows[k] for k in sorted(drawn)):
-        world = known.get(key_of(row))
-        title = f"{row['arms']} arms, world {row['world']}"
-        if world is None:
-            wrong.append(f"{title}: no such world in {SUITE}")
-            continue
-        again = run(world, law)
-        differ = {"outcome": again.outcome} | {metric: repr(float(again.metrics[metric])) for metric in RANKED}
-        lines = [
-            f"{title}: {what} is {now}, the result has {row[what]}" for what, now in differ.items() if now != row[what]
-        ]
-        wrong += lines[:1]
-    return len(drawn), wrong

@@ -1,98 +1,70 @@
 """What ``slip-vic tune`` does: Optuna proposes gains, an engine runs them, the best are tried on unseen seeds.
 
-The runs of every set of parameters are rows of one file. A proposal depends on the seed and the sets before its batch
-alone: a search that was stopped anywhere proposes the same again, and finds its runs in the file.
+The runs of every set of parameters are rows of one file. A proposal depends on the sets before it alone: a search that
+was stopped proposes the same again, and finds its runs in the file.
 """
 
 from __future__ import annotations
 
 import math
-import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Final
 
 import optuna
+from optuna.distributions import FloatDistribution
 
 from slip_core.errors import SlipVicError
 from slip_core.params import flatten
 from slip_vic.experiments.check import gains
-from slip_vic.experiments.engines import EngineName
+from slip_vic.experiments.engines import EngineName, open_engine
 from slip_vic.experiments.rows import FILE, Row, Task
 from slip_vic.experiments.runner import fill
 from slip_vic.experiments.world import World, combined
-from slip_vic.scenarios.scenario import NODES, Law, Scenario, ros_parameter_file
+from slip_vic.scenarios.scenario import NODES, Scenario, ros_parameter_file
 from slip_vic_controller.law.gains import gain_report
 
-BATCH: Final = 4
-"""Sets that are proposed before the next result counts."""
-STARTUP: Final = 10
-"""Sets that are drawn at random before the model of what is good counts."""
+EFFORT_RATE: Final = 1.2
+LATER_S: Final = 0.3
+"""What less slip may cost against the default: a factor on the largest effort rate, and how much later the latest
+arrival is [s]."""
 DECADE: Final = 10.0
-"""Gammas are searched from their default over this to their default times this."""
+"""gamma is searched from its default over this to its default times this."""
 K_S_RANGE: Final = 20.0
 """k_s is searched from what the sensor's delay allows over this up to what it allows."""
 MARGIN: Final = (0.7, 1.0)
 LEVER_M: Final = 0.03
 """Length that makes turning in the grasp comparable with sliding, as gains.characteristic_length."""
-SEARCHED: Final = ("gains.gamma",)
+
+Values = Mapping[str, float]
+"""Parameters of the controller by their names."""
+Space = Mapping[str, FloatDistribution]
 
 
-class Range(NamedTuple):
-    """Where a parameter of the controller is searched; log: evenly in its logarithm."""
-
-    name: str
-    low: float
-    high: float
-    log: bool
-    default: float
-
-
-@dataclass(frozen=True, slots=True)
-class Search:
-    """What is searched.
-
-    worlds, law: of every set; space: parameters; effort_rate, later_s: what less slip may cost against the default, a
-    factor on the largest effort rate, and how much later [s] the latest arrival.
-    """
-
-    worlds: tuple[World, ...]
-    law: Law
-    space: tuple[Range, ...]
-    effort_rate: float = 1.2
-    later_s: float = 0.3
-    seed: int = 0
-
-
-class Trial(NamedTuple):
-    """One set of parameters and what it costs [mm]; number 0 is the default."""
-
-    number: int
-    values: Mapping[str, float]
-    cost: float
-
-
-RunTasks = Callable[[Sequence[Task]], Sequence[Row]]
-"""Returns a row of each of some runs, in any order."""
-
-
-def search_space(scenario: Scenario) -> list[Range]:
-    """Return what is searched around the parameters of a scenario."""
+def search_space(scenario: Scenario) -> tuple[Space, Values]:
+    """Return what is searched around the parameters of a scenario, and where that begins."""
     params = next(iter(scenario.controllers.values()))  # what is searched is the same for all arms
     values = flatten(params)
     allowed = gain_report(params, refuse=False).used
-    space = [Range("gains.k_s", allowed / K_S_RANGE, allowed, True, min(values["gains.k_s"], allowed))]
-    around = [name for name in SEARCHED if values[name] > 0.0]
-    space += [Range(name, values[name] / DECADE, values[name] * DECADE, True, values[name]) for name in around]
+    space = {"gains.k_s": FloatDistribution(allowed / K_S_RANGE, allowed, log=True)}
+    gamma = values["gains.gamma"]
+    if gamma > 0.0:
+        space["gains.gamma"] = FloatDistribution(gamma / DECADE, gamma * DECADE, log=True)
     if params.governor.mode != "off":
-        space.append(Range("governor.margin", *MARGIN, False, values["governor.margin"]))
-    return space
+        space["governor.margin"] = FloatDistribution(*MARGIN)
+    return space, {name: min(values[name], one.high) for name, one in space.items()}
 
 
-def assignments(values: Mapping[str, float]) -> tuple[str, ...]:
-    """Return the overrides that set these parameters of the controller."""
+def assignments(values: Values) -> tuple[str, ...]:
+    """Return the overrides that set these parameters."""
     return tuple(f"controller.{name}={value!r}" for name, value in values.items())
+
+
+def tried(worlds: Sequence[World], law: str, name: str, values: Values) -> list[Task]:
+    """Return the runs of worlds with these parameters, as a set of this name."""
+    more = assignments(values)
+    return [Task(replace(world, set=name, settings=(*world.settings, *more)), law) for world in worlds]
 
 
 def worst_mm(rows: Sequence[Row]) -> float:
@@ -101,7 +73,7 @@ def worst_mm(rows: Sequence[Row]) -> float:
     return max(1e3 * slip if row["outcome"] == "ok" else math.inf for row, slip in zip(rows, slips, strict=True))
 
 
-def cost(search: Search, rows: Sequence[Row], defaults: Sequence[Row]) -> float:
+def cost(rows: Sequence[Row], defaults: Sequence[Row]) -> float:
     """Return what the search makes small [mm]: the worst slip; beyond the bounds never less than the default's.
 
     defaults: the rows of the same worlds with the default parameters.
@@ -109,14 +81,13 @@ def cost(search: Search, rows: Sequence[Row], defaults: Sequence[Row]) -> float:
     good, known = ([row for row in some if row["outcome"] == "ok"] for some in (rows, defaults))
     excess = float(len(rows) - len(good))
     if good and known:
-        excess += max(0.0, _most(good, "effort_rate_rms_n_m_s") / _most(known, "effort_rate_rms_n_m_s")
-                      / search.effort_rate - 1.0)  # fmt: skip
-        latest = _most(known, "arrival_s") + search.later_s
-        excess += max(0.0, min(_most(good, "arrival_s") / latest, 2.0) - 1.0) if math.isfinite(latest) else 0.0
+        rate, arrival = "effort_rate_rms_n_m_s", "arrival_s"
+        for metric, bound in ((rate, EFFORT_RATE * _most(known, rate)), (arrival, _most(known, arrival) + LATER_S)):
+            if math.isfinite(bound):
+                excess += max(0.0, min(_most(good, metric) / bound, 2.0) - 1.0)
     if excess == 0.0:
         return worst_mm(rows)
-    worst = max([worst_mm([row]) for row in (*good, *known)], default=1.0)
-    return worst * (1.0 + excess)
+    return max([worst_mm([row]) for row in (*good, *known)], default=1.0) * (1.0 + excess)
 
 
 def _most(rows: Sequence[Row], metric: str) -> float:
@@ -124,54 +95,32 @@ def _most(rows: Sequence[Row], metric: str) -> float:
     return max(math.inf if math.isnan(value := float(row[metric])) else value for row in rows)
 
 
-def run_search(search: Search, trials: int, run_tasks: RunTasks) -> Iterator[Trial]:
-    """Yield every trial of a search in its order, the default first; whole batches, so there may be more."""
+def search(
+    space: Space, default: Values, trials: int, rows_of: Callable[[str, Values], Sequence[Row]]
+) -> list[optuna.trial.FrozenTrial]:
+    """Return all trials of a search, the default first; rows_of: runs a named set of parameters."""
     optuna.logging.set_verbosity(optuna.logging.ERROR)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
-        sampler = optuna.samplers.TPESampler(
-            seed=search.seed, n_startup_trials=STARTUP, multivariate=True, constant_liar=True
-        )
-    study = optuna.create_study(sampler=sampler)
-    study.enqueue_trial({one.name: one.default for one in search.space})
-    ranges = {one.name: optuna.distributions.FloatDistribution(one.low, one.high, log=one.log) for one in search.space}
-    defaults: list[Row] = []
-    while len(study.trials) < trials:
-        batch = [study.ask(ranges) for _ in range(BATCH if defaults else 1)]  # others are compared with the default
-        tasks = {trial.number: _tasks(search, trial) for trial in batch}
-        found = {
-            (row["set"], row["digest"]): row for row in run_tasks([task for own in tasks.values() for task in own])
-        }
-        for trial in batch:
-            rows = [found[task.world.set, task.world.digest] for task in tasks[trial.number]]
-            defaults = defaults or rows
-            value = cost(search, rows, defaults)
-            study.tell(trial, value)
-            yield Trial(trial.number, trial.params, value)
-
-
-def _tasks(search: Search, trial: Any) -> list[Task]:
-    return tried(search.worlds, search.law, f"trial {trial.number}", trial.params)
-
-
-def tried(worlds: Sequence[World], law: Law, name: str, values: Mapping[str, float]) -> list[Task]:
-    """Return the runs of worlds with parameters of the controller, as a set of this name."""
-    more = assignments(values)
-    return [Task(replace(world, set=name, settings=(*world.settings, *more)), law) for world in worlds]
+    study = optuna.create_study(sampler=optuna.samplers.TPESampler(seed=0))
+    study.enqueue_trial(dict(default))
+    defaults: Sequence[Row] = ()
+    for _ in range(trials):
+        trial = study.ask(dict(space))
+        rows = rows_of(f"trial {trial.number}", trial.params)
+        defaults = defaults or rows
+        study.tell(trial, cost(rows, defaults))
+    return study.trials
 
 
 def run_tune(
-    base: World, law: Law, mismatches: Sequence[str], seeds: int, unseen: int, bounds: tuple[float, float],
-    trials: int, seed: int, out: Path, engine: EngineName, jobs: int,
-) -> str:  # fmt: skip
+    base: World, law: str, mismatches: Sequence[str], seeds: int, trials: int, out: Path, engine: EngineName, jobs: int
+) -> str:
     """Search, and write ``controller.yaml``; return one line on what was found.
 
     Args:
         base: scenario, sensor and assignments.
         law: vic or governed.
-        mismatches, seeds: of the worlds of the search; unseen: so many more seeds, on which the result is tried.
-        bounds: see `Search`.
-        trials, seed: of the search.
+        mismatches, seeds: of the worlds of the search; the result is tried on as many seeds more.
+        trials: how many sets of parameters are tried.
         out: folder that gets rows and parameter file.
         engine: where, with so many `jobs`.
 
@@ -179,26 +128,29 @@ def run_tune(
         InputError: an unknown name, a bad override.
         SlipVicError: the parameters that were found are refused by `check`.
     """
-
-    def worlds(of: range) -> tuple[World, ...]:
-        return tuple(combined((base.scenario,), (base.sensor,), mismatches, of, {"": ()}, base.settings))
-
-    def run_tasks(tasks: Sequence[Task]) -> Sequence[Row]:
-        return fill(out / FILE, tasks[-1].world.set, tasks, engine, jobs).rows
-
-    loaded = base.load(law, "observer")
+    seen, unseen = (
+        combined((base.scenario,), (base.sensor,), mismatches, of, {"": ()}, base.settings)
+        for of in (range(seeds), range(seeds, 2 * seeds))
+    )
+    loaded = base.load(law)
     loaded.check()
-    search = Search(worlds(range(seeds)), law, tuple(search_space(loaded)), *bounds, seed)
-    found = list(run_search(search, trials, run_tasks))
-    best = min(found, key=lambda trial: trial.cost)
-    values, others = {"unseen default": {}, "unseen tuned": best.values}, worlds(range(seeds, seeds + unseen))
-    before, after = (worst_mm(run_tasks(tried(others, law, *one))) for one in values.items())
-    tuned, file = base.load(law, "observer", assignments(best.values)), out / "controller.yaml"
+    with open_engine(engine, jobs) as workers:
+
+        def rows_of(worlds: Sequence[World], name: str, values: Values) -> Sequence[Row]:
+            return fill(out / FILE, name, tried(worlds, law, name, values), workers).rows
+
+        found = search(*search_space(loaded), trials, lambda name, values: rows_of(seen, name, values))
+        best = min(found, key=lambda trial: trial.value)
+        before, after = (
+            worst_mm(rows_of(unseen, f"unseen {name}", values))
+            for name, values in (("default", {}), ("tuned", best.params))
+        )
+    tuned, file = base.load(law, assignments(best.params)), out / "controller.yaml"
     file.write_text(ros_parameter_file(tuned.controller, NODES["controller"][0], complete=False), encoding="utf-8")
     tuned.check_arm()
     if not gains(tuned).hold:
         raise SlipVicError(f"{file}: check refuses what was found")
     return (
-        f"trial {best.number} of {len(found)}: worst slip {found[0].cost:.3g} -> {best.cost:.3g} mm, on unseen seeds "
+        f"trial {best.number} of {len(found)}: worst slip {found[0].value:.3g} -> {best.value:.3g} mm, on unseen seeds "
         f"{before:.3g} -> {after:.3g} mm; {file}"
     )

@@ -6,7 +6,7 @@ import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, NamedTuple
 
 from slip_core.errors import UnknownName
 from slip_core.files.plain_yaml import read_yaml
@@ -16,6 +16,25 @@ from slip_vic.scenarios.scenario import Estimator, Law, Scenario, load_scenario
 Track = Literal["", "capped", "free"]
 """Tracks of the benchmark. capped: the object would break, the squeeze is at most what the scenario has. free: what the
 gripper can. "": none; the controller's laws then run as the controller, not through the interface of foreign ones."""
+
+
+class OwnLaw(NamedTuple):
+    """A law of the controller as `load_scenario` configures it; more: further assignments."""
+
+    law: Law
+    estimator: Estimator | None = "observer"
+    more: tuple[str, ...] = ()
+
+
+OWN_LAWS: Final[Mapping[str, OwnLaw]] = {
+    "classical": OwnLaw("classical", None),
+    "printed": OwnLaw("printed", None),
+    "vic": OwnLaw("vic"),
+    "governed": OwnLaw("governed"),
+    "governed_follow": OwnLaw("governed", more=("controller.grip.control=follow", "bridge.grip.control=follow")),
+}
+"""Laws of the controller by their names. ``?parameter=value`` behind one changes a parameter of the controller,
+``vic?slip_estimator=measured``."""
 SHARE: Final = 0.2
 """Relative error of a mismatch."""
 NO_MISMATCH: Final = "none"
@@ -54,19 +73,23 @@ class World:
         parts = (self.scenario, self.sensor, str(self.seed), *self.settings)
         return self.frozen or digest(part.encode() for part in parts)
 
-    def load(self, law: Law, estimator: Estimator | None = None, more: Sequence[str] = ()) -> Scenario:
-        """Return the scenario with a law of the controller; `more` are further assignments.
+    def load(self, name: str, more: Sequence[str] = ()) -> Scenario:
+        """Return the scenario with a law of the controller by its name, see `OWN_LAWS`; `more` are further assignments.
 
         Raises:
-            InputError: unknown scenario, sensor or parameter; a value that is not allowed.
+            InputError: unknown scenario, sensor, law or parameter; a value that is not allowed.
         """
+        base, _, change = name.partition("?")
+        if base not in OWN_LAWS:
+            raise UnknownName("law", base, OWN_LAWS)
+        own, changes = OWN_LAWS[base], (f"controller.{change}",) if change else ()
         return load_scenario(
             self.scenario,
-            law=law,
+            law=own.law,
             sensor=self.sensor,
             seed=self.seed,
-            estimator=estimator if self.sensor else None,
-            assignments=(*self.settings, *more),
+            estimator=own.estimator if self.sensor else None,
+            assignments=(*self.settings, *own.more, *changes, *more),
         )
 
 

@@ -73,26 +73,18 @@ def timing(setup: Setup, path: Array, limit: float) -> Array | None:
     rest = loads[:, 0]
     facets = ConvexHull(sphere(FACETS)).equations
 
-    class Surface(constraint.LinearConstraint):
-        def __init__(self) -> None:
-            super().__init__()
-            self.dof, self.identical = 1, True
+    def linear(*rows: Array) -> Any:
+        """Return the constraint F (a s'' + b s'^2 + c) <= g; rows: a, b, c at the points of the path, F, g."""
+        found = constraint.LinearConstraint()
+        found.dof, found.identical = 1, True
+        found.compute_constraint_params = lambda *_: (*rows, None, None)
+        return found
 
-        def compute_constraint_params(self, path: Any, gridpoints: Array) -> tuple[Any, ...]:
-            bounds = -limit * facets[:, 3]
-            return loads[:, 1] - rest, loads[:, 2] - rest, rest, facets[:, :3], bounds, None, None
-
-    class Given(constraint.LinearConstraint):
-        def __init__(self) -> None:
-            super().__init__()
-            self.dof, self.identical = 1, True
-
-        def compute_constraint_params(self, path: Any, gridpoints: Array) -> tuple[Any, ...]:
-            none = np.zeros((len(gridpoints), 1))
-            return none, none + 1.0, none - 1.0, np.ones((1, 1)), np.zeros(1), None, None
-
+    surface = linear(loads[:, 1] - rest, loads[:, 2] - rest, rest, facets[:, :3], -limit * facets[:, 3])
+    none = np.zeros((len(path), 1))
+    given = linear(none, none + 1.0, none - 1.0, np.ones((1, 1)), np.zeros(1))
     line = toppra.SplineInterpolator(np.array([0.0, path[-1]]), np.array([[0.0], [path[-1]]]))
-    solver = algorithm.TOPPRA([Surface(), Given()], line, gridpoints=path, solver_wrapper="seidel")
+    solver = algorithm.TOPPRA([surface, given], line, gridpoints=path, solver_wrapper="seidel")
     for last in ENDS:
         sets = solver.compute_controllable_sets(last, last)
         if np.isfinite(sets).all() and sets[0, 1] >= 0.0:
