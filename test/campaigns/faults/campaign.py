@@ -13,8 +13,7 @@ from typing import Any
 
 import pandas as pd
 
-from slip_vic.experiments.engines import Died
-from slip_vic.experiments.engines.pool import PoolEngine
+from slip_vic.experiments.engines import Died, PoolEngine
 from test.campaigns.faults.plan import Verdict, make_plan
 
 WRITTEN_EVERY_S = 60.0

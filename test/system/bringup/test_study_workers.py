@@ -24,8 +24,7 @@ from click.testing import CliRunner
 from slip_msgs_py.stop_flag import StopFlag
 from slip_vic.cli import cli
 from slip_vic.experiments import runner, suite
-from slip_vic.experiments.engines import Died
-from slip_vic.experiments.engines.pool import PoolEngine
+from slip_vic.experiments.engines import Died, PoolEngine
 from slip_vic.experiments.rows import FILE
 from slip_vic.experiments.runner import tasks_of
 
@@ -125,7 +124,7 @@ def test_a_run_that_kills_its_workers_is_a_row(
 
 CLIENT = """
 import sys
-from slip_vic.experiments.engines.pool import PoolEngine
+from slip_vic.experiments.engines import PoolEngine
 from engine_tasks import slow_square
 if __name__ == "__main__":
     with PoolEngine(2) as engine:

@@ -11,10 +11,7 @@ from scipy.optimize import minimize
 import slip_vic
 from slip_vic.experiments.baselines import proactive_slip_control as proactive
 from slip_vic.experiments.baselines import schools, toppra_offline
-from slip_vic.experiments.baselines.fixed_grip import FixedGrip
-from slip_vic.experiments.baselines.grasp_cbf import GraspCbf
-from slip_vic.experiments.baselines.slip_aware_hold import SlipAwareHold
-from slip_vic.experiments.baselines.sun_slipping_control import SunSlippingControl
+from slip_vic.experiments.baselines.grip_laws import FixedGrip, GraspCbf, SlipAwareHold, SunSlippingControl
 from slip_vic.experiments.driven import Driven
 from slip_vic.experiments.law import KNOWN, Setup, find_law
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 
-from rich.table import Table
-
 from slip_vic.experiments.rows import Row, row_of
 from slip_vic.experiments.run import Controlled, Result, play
 from slip_vic.experiments.world import NO_MISMATCH, World, mismatch_assignments
@@ -20,32 +18,25 @@ def gains(scenario: Scenario) -> GainReport:
     return gain_report(next(iter(scenario.controllers.values())), refuse=False)
 
 
+def gain_lines(report: GainReport) -> Iterator[str]:
+    """Yield a line on k_s and on each condition."""
+    yield f"k_s configured {report.asked:g}, used {report.used:.6g} of {report.accepted:.6g} 1/s"
+    for one in report.conditions:
+        numbers = f"{one.value:.6g}, limit {one.limit:.6g}, margin {one.margin:.3g}"
+        yield f"{one.name} {'holds' if one.holds else 'FAILS'}: {numbers}; {one.reason}"
+
+
 def run_worlds(choice: Choice, mismatches: Sequence[str], report: Callable[[str], None]) -> Iterator[Row]:
     """Run the configured world, then each mismatch, and yield their rows; `report` gets what runs.
 
     Where the path is refused already there is nothing more to run.
     """
     known = choice.load()
-    for number, name in enumerate(dict.fromkeys((NO_MISMATCH, *mismatches))):
+    settings = {name: mismatch_assignments(name, known) for name in (NO_MISMATCH, *mismatches)}
+    for number, (name, own) in enumerate(settings.items()):
         report(name)
-        scenario = choice.load(*mismatch_assignments(name, known))
         world = World(choice.scenario, choice.sensor, choice.seed, number=number, mismatch=name)
-        row = row_of(Result(world, choice.law, *play(Controlled(scenario))))
+        row = row_of(Result(world, choice.law, *play(Controlled(choice.load(*own)))))
         yield row
         if row["outcome"] == "refused":
             return
-
-
-def gain_table(scenario: Scenario, report: GainReport, sensor: str) -> Table:
-    """Return the conditions on the gains."""
-    params = next(iter(scenario.controllers.values()))  # the law is the same in all arms
-    title = (
-        f"k_s configured {report.asked:g}, used {report.used:.6g} of {report.accepted:.6g} 1/s ({params.slip_estimator}"
-    )
-    table = Table(title=f"{title}{', ' + sensor if sensor else ''})")
-    for name in ("condition", "value", "limit", "margin", "verdict"):
-        table.add_column(name, justify="right" if name in ("value", "limit", "margin") else "left")
-    for c in report.conditions:
-        verdict = "[green]holds[/]" if c.holds else "[red]fails[/]"
-        table.add_row(c.name, f"{c.value:.6g}", f"{c.limit:.6g}", f"{c.margin:.3g}", verdict)
-    return table

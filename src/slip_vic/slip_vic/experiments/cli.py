@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -33,7 +32,6 @@ from slip_vic.options import (
 if TYPE_CHECKING:
     from slip_vic.experiments.engines import EngineName
     from slip_vic.experiments.runner import Done
-    from slip_vic.experiments.world import Track
 
 
 def shard(context: click.Context, parameter: click.Parameter, text: str) -> slice:
@@ -57,11 +55,11 @@ SHARD = click.option(
 
 
 def _mismatches(context: click.Context, parameter: click.Parameter, text: str) -> tuple[str, ...]:
-    from slip_vic.experiments.world import MISMATCHES, check_mismatches
+    if text != "all":
+        return names(text)
+    from slip_vic.experiments.world import MISMATCHES
 
-    wanted = MISMATCHES if text == "all" else names(text)
-    check_mismatches(wanted)
-    return wanted
+    return MISMATCHES
 
 
 def mismatches_option(default: str) -> Decorator:
@@ -110,7 +108,11 @@ def study(
     from slip_vic.scenarios.scenario import drive_assignments, urdf_assignment
 
     if drawn:
-        _refuse("--lottery draws its worlds itself and takes no", {"sensors", "mismatches", "seeds", "urdf"})
+        given = click.get_current_context().get_parameter_source
+        if wrong := [
+            name for name in ("sensors", "mismatches", "seeds", "urdf") if given(name) is ParameterSource.COMMANDLINE
+        ]:
+            raise click.UsageError(f"--lottery draws its worlds itself and takes no --{', --'.join(wrong)}")
         worlds = list(drawn_worlds(drawn, seed, scenarios, "".join(drives[:1]), assignments))
     else:
         chosen = scenarios or tuple(scenario_names(1))
@@ -125,14 +127,6 @@ def study(
     done = run_study(tasks_of(worlds[part], laws), out, engine, jobs)
     _report(done, out)
     end_with(bad_ones(done.rows), allow_fault)
-
-
-def _refuse(why: str, options: Iterable[str]) -> None:
-    """Raise where the command line gives one of these options."""
-    context = click.get_current_context()
-    for option in context.command.params:
-        if option.name in options and context.get_parameter_source(option.name) is ParameterSource.COMMANDLINE:
-            raise click.UsageError(f"{why} {option.opts[0]}")
 
 
 def _report(done: Done, out: Path) -> None:
@@ -163,27 +157,22 @@ def check(*, choice: Choice, mismatches: tuple[str, ...]) -> None:
     """
     from rich.console import Console
 
-    from slip_vic.experiments.check import gain_table, gains, run_worlds
+    from slip_vic.experiments.check import gain_lines, gains, run_worlds
     from slip_vic.experiments.tables import tables_of
 
     loaded = choice.load()
     report = gains(loaded)
-    remarks = loaded.check_arm()
-    console = Console()
-    console.print(gain_table(loaded, report, choice.sensor))
-    for condition in report.conditions:
-        click.echo(f"{condition.name}: {condition.reason}")
+    for line in (*gain_lines(report), *loaded.check_arm()):
+        click.echo(line)
     if not report.hold:
         raise click.exceptions.Exit(2)
     loaded.check()
     with Console(stderr=True).status("path") as status:
         rows = list(run_worlds(choice, mismatches, lambda name: status.update(f"simulates {name}")))
-    for line in remarks:
-        click.echo(line)
     if rows[0]["outcome"] == "refused":
         click.echo(f"refused: {rows[0]['reason']}", err=True)
         raise click.exceptions.Exit(2)
-    console.print(*tables_of(rows), sep="\n")
+    Console().print(*tables_of(rows), sep="\n")
     failed = [row for row in rows if row["outcome"] != "ok"]
     click.echo(f"holds in {len(rows) - len(failed)} of {len(rows)} simulated worlds")
     end_with((f"{row['mismatch']}: {row['reason']}" for row in failed), allowed=False)
@@ -223,16 +212,14 @@ def benchmark() -> None:
 @benchmark.command()
 @click.argument("law")
 @click.option("--worlds", type=click.IntRange(1), default=300, show_default="all", help="the first N of each track")
-@click.option("--track", type=click.Choice(["capped", "free"]), help="of the grip; default: that of the law")
 @click.option("--arms", type=click.Choice(["1", "2"]), help="only worlds with so many; default: both")
 @out_option(None, "folder of this law; default out/benchmark/LAW")
 @JOBS
 @ENGINE
 @SHARD
 def run(
-    *, law: str, worlds: int, track: Track | None, arms: str | None, out: Path | None, jobs: int,
-    engine: EngineName, part: slice,
-) -> None:  # fmt: skip
+    *, law: str, worlds: int, arms: str | None, out: Path | None, jobs: int, engine: EngineName, part: slice
+) -> None:
     """Run LAW (a name, module:Class or file.py:Class); a folder that has worlds already continues."""
     from slip_vic.experiments import suite
     from slip_vic.experiments.law import find_law
@@ -240,7 +227,7 @@ def run(
 
     found = find_law(law)
     folder = out or Path("out") / "benchmark" / found.label
-    chosen = suite.suite(found, worlds, track, (int(arms),) if arms else (1, 2))
+    chosen = suite.suite(found, worlds, (int(arms),) if arms else (1, 2))
     done = run_study(tasks_of(chosen[part], (law,)), folder, engine, jobs, {"suite": suite.DIGEST})
     _report(done, folder)
 

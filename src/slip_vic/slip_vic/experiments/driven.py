@@ -7,7 +7,6 @@ away it goes to FAULT, which ends the run. Its effort is not applied.
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import Any, Final
@@ -184,9 +183,6 @@ class Driven:
             gravity=np.array(params.gravity),
             grasp_position=np.array(params.contacts.position[:3]),
             grasp_rotation=matrix_from_quat_xyzw(np.array(params.contacts.orientation_xyzw[:4])),
-            slip_axes=np.array(params.contacts.slip_axes[:6], dtype=float),
-            joints=arm.joints,
-            seed=self._known.seed,
             parameters=self._known.controllers,
             urdfs=self._known.placed,
         )
@@ -207,8 +203,7 @@ class _Arm:
         self._torque: Torque = record(new(TORQUE), TORQUE)
         self._samples: Records[ContactSample] = records(new(CONTACT_SAMPLE), CONTACT_SAMPLE)
         self._posture: Array | None = None
-        self._slip, self._slip_time, self._start_ns = np.zeros(6), -math.inf, -1
-        self._wrench = np.zeros(6)
+        self._slip, self._wrench, self._start_ns = np.zeros(6), np.zeros(6), -1
         self._period_s = params.control_period_s
         self._command = partial(JointCommand, interface=params.command.interface)
         self.grip = params.grip.nominal_force
@@ -228,7 +223,7 @@ class _Arm:
         slips = tuple(one for one in outputs.slips if isinstance(one, SlipSample))
         for slip in slips if "slip" in needs else ():
             if slip.valid:
-                self._slip, self._slip_time = np.array(slip.twist), 1e-9 * (slip.stamp_ns - self._start_ns)
+                self._slip = np.array(slip.twist)
         return Seen(
             time=1e-9 * (now_ns - self._start_ns),
             q=np.array(outputs.joint.position),
@@ -241,7 +236,6 @@ class _Arm:
             bias=np.array(terms.bias[:n]),
             wrench=self._wrench.copy() if "wrench" in needs else np.zeros(6),
             slip=self._slip.copy(),
-            slip_time=self._slip_time,
             grip=self.grip,
             stamp_ns=now_ns,
             joint=outputs.joint,

@@ -21,13 +21,20 @@ from slip_vic_controller.params.node_params import ControllerNodeParams
 NEEDS: Final = ("wrench", "slip", "grip")
 """What a law may need beside the arm itself."""
 KNOWN: Final = {
-    **{name: f"slip_vic.experiments.ours:{kind}"
-       for name, kind in (("classical", "Classical"), ("vic", "Vic"), ("governed", "Governed"),
-                          ("governed_follow", "GovernedFollow"))},
-    **{name: f"slip_vic.experiments.baselines.{name}:{name.title().replace('_', '')}"
-       for name in ("fixed_grip", "slip_aware_hold", "sun_slipping_control", "proactive_slip_control", "grasp_cbf",
-                    "toppra_offline")},
-}  # fmt: skip
+    name: f"slip_vic.experiments.{where}"
+    for name, where in (
+        ("classical", "ours:Classical"),
+        ("vic", "ours:Vic"),
+        ("governed", "ours:Governed"),
+        ("governed_follow", "ours:GovernedFollow"),
+        ("fixed_grip", "baselines.grip_laws:FixedGrip"),
+        ("slip_aware_hold", "baselines.grip_laws:SlipAwareHold"),
+        ("sun_slipping_control", "baselines.grip_laws:SunSlippingControl"),
+        ("grasp_cbf", "baselines.grip_laws:GraspCbf"),
+        ("proactive_slip_control", "baselines.proactive_slip_control:ProactiveSlipControl"),
+        ("toppra_offline", "baselines.toppra_offline:ToppraOffline"),
+    )
+}
 """Laws that have a short name."""
 
 
@@ -50,7 +57,6 @@ class Setup:
     first [N]; torsional_radius: largest friction torque over largest friction force [m]; grip, most_grip: squeeze at
     first and at most, sum over both pads [N]; mass, inertia: of the object [kg], ixx iyy izz ixy ixz iyz [kg m2] {o};
     gravity (3,) [m/s2] {w}; grasp_position, grasp_rotation: of the pad on the object; (3,) [m], (3, 3) {o};
-    slip_axes: directions on pad axes in which it can slip, (6,) 0 or 1; joints: how many; seed: for a law that draws;
     parameters, urdfs: everything that a controller of this suite is configured with, for each arm by its name.
     """
 
@@ -66,9 +72,6 @@ class Setup:
     gravity: Array
     grasp_position: Array
     grasp_rotation: Array
-    slip_axes: Array
-    joints: int
-    seed: int
     parameters: Mapping[str, ControllerNodeParams]
     urdfs: Mapping[str, str]
 
@@ -80,9 +83,8 @@ class Seen:
     time: since the start of the run [s]; q, qd (n,) [rad], [rad/s]; position (3,) [m], rotation (3, 3), twist (6,)
     [m/s, rad/s]: of the pad, {w}; J (6, n), M (n, n) [kg m2], bias (n,) [N m]: Jacobian {w}, joint inertia,
     C qd + g; wrench (6,) [N, N m] {ee}: the newest, of the object on the pad; slip (6,) [m/s, rad/s] {ee}: the newest
-    slip velocity, and slip_time when it was measured [s], -inf before the first; grip: squeeze that is commanded [N];
-    stamp_ns, joint, wrenches, slips: the samples themselves, those that are new,
-    oldest first; others: the further arms.
+    slip velocity; grip: squeeze that is commanded [N]; stamp_ns, joint, wrenches, slips: the samples themselves, those
+    that are new, oldest first; others: the further arms.
     """
 
     time: float
@@ -96,7 +98,6 @@ class Seen:
     bias: Array
     wrench: Array
     slip: Array
-    slip_time: float
     grip: float
     stamp_ns: int
     joint: JointSample

@@ -14,7 +14,6 @@ from slip_core.errors import SlipVicError
 from slip_vic.experiments.driven import Driven
 from slip_vic.experiments.law import find_law
 from slip_vic.experiments.world import OWN_LAWS, World
-from slip_vic.experiments.world import Track as Capped
 from slip_vic.run.in_process import Tick, run_in_process
 from slip_vic.run.judge import Verdict, judge
 from slip_vic.run.metrics import off_goal_m
@@ -100,19 +99,14 @@ def play(driven: Driven | Controlled) -> tuple[str, str, dict[str, float]]:
 
 
 def _foreign(world: World, law: str) -> Driven:
+    """Return a run under a foreign law; its squeeze is limited as the track says, with the scenario's at least."""
     found = find_law(law)
     scenario = world.load(getattr(found.kind, "configured", "classical"), found.settings)
-    return Driven(scenario, found.kind(), most_grip(world.track, scenario))
-
-
-def most_grip(track: Capped, scenario: Scenario) -> float | None:
-    """Return the largest squeeze of a track [N]; that of the scenario where its gripper has no more. None: no track."""
-    if not track:
-        return None
-    nominal = max(params.grip.nominal_force for params in scenario.controllers.values())
-    if track == "capped":
-        return nominal
-    return max(nominal, min(params.grip.force_limit for params in scenario.controllers.values()))
+    grips = [params.grip for params in scenario.controllers.values()]
+    most = max(grip.nominal_force for grip in grips)
+    if world.track == "free":
+        most = max(most, min(grip.force_limit for grip in grips))
+    return Driven(scenario, found.kind(), most if world.track else None)
 
 
 def metrics_of(verdict: Verdict, outcome: str, track: Track, driven: Driven | Controlled) -> dict[str, float]:

@@ -42,18 +42,13 @@ def worlds(track: Track, arms: int, count: int) -> list[World]:
     return [replace(world, track=track) for world in chosen[:count]]
 
 
-def track_of(law: FoundLaw) -> Track:
-    """Return the track of a law: free where it commands the grip."""
-    return "free" if "grip" in law.kind.needs else "capped"
-
-
-def suite(law: FoundLaw, count: int, track: Track | None = None, arms: Sequence[int] = tuple(COUNTS)) -> list[World]:
+def suite(law: FoundLaw, count: int, arms: Sequence[int] = tuple(COUNTS)) -> list[World]:
     """Return the first `count` worlds with one arm, and with two where the law answers for several.
 
-    track: None: that of the law.
+    Their track is free where the law commands the grip.
     """
-    able = [n for n in arms if n == 1 or law.several]
-    return [world for n in able for world in worlds(track or track_of(law), n, count)]
+    track: Track = "free" if "grip" in law.kind.needs else "capped"
+    return [world for n in arms if n == 1 or law.several for world in worlds(track, n, count)]
 
 
 def read_result(folder: Path) -> list[Row]:

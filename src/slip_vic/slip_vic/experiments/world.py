@@ -112,7 +112,6 @@ def combined(
     Raises:
         InputError: an unknown name, a bad assignment.
     """
-    check_mismatches(mismatches)
     known = {
         (scenario, drive): load_scenario(scenario, assignments=(*settings, *assignments))
         for scenario in scenarios
@@ -128,15 +127,14 @@ def combined(
     ]  # fmt: skip
 
 
-def check_mismatches(names: Iterable[str]) -> None:
-    """Raise where a mismatch is unknown; the nearest is offered."""
-    for name in names:
-        if name not in MISMATCHES:
-            raise UnknownName("mismatch", name, MISMATCHES)
-
-
 def mismatch_assignments(name: str, known: Scenario) -> list[str]:
-    """Return what a mismatch sets in the bridge; a wrench bias is a share of the grip force along the pad's x."""
+    """Return what a mismatch sets in the bridge; a wrench bias is a share of the grip force along the pad's x.
+
+    Raises:
+        InputError: there is no such mismatch; the nearest is offered.
+    """
+    if name not in MISMATCHES:
+        raise UnknownName("mismatch", name, MISMATCHES)
     if name == NO_MISMATCH:
         return []
     what, factor = name[:-1], 1.0 + SHARE * (1.0 if name[-1] == "+" else -1.0)

@@ -1,49 +1,17 @@
-"""What the baselines share: laws that command the squeeze alone, laws that change the motion alone, and the load."""
+"""What the baselines share: laws that change the motion alone, and the load of the pad, measured or of a path."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import replace
 from typing import ClassVar, Final
 
 import numpy as np
 
 from slip_core.arrays import Array, inertia_from_six
 from slip_vic.experiments.law import Answer, Pad, Reference, Seen, Setup
-from slip_vic.experiments.ours import Classical
 
 PLAN_POINTS: Final = 100
 """Points of the path at which a law that plans looks at the load (ours)."""
-
-
-class GripLaw(Classical, ABC):
-    """Classical impedance control moves the arm; `squeeze` commands the grip of each."""
-
-    needs: ClassVar[frozenset[str]] = frozenset({"wrench", "slip", "grip"})
-
-    def reset(self, setup: Setup) -> None:
-        """Begin a run."""
-        super().reset(setup)
-        self.setup, self.mu = setup, setup.friction_limit / setup.grip
-        self.arms: dict[int, Array] = {}
-
-    def step(self, seen: Seen) -> Answer | tuple[Answer, ...]:
-        """Answer a tick."""
-        given = super().step(seen)
-        answers = given if isinstance(given, tuple) else (given,)
-        found = tuple(
-            None if answer is None else replace(answer, grip=self.squeeze(arm, one))
-            for arm, (answer, one) in enumerate(zip(answers, (seen, *seen.others), strict=True))
-        )
-        return found if len(found) > 1 else found[0]
-
-    @abstractmethod
-    def squeeze(self, arm: int, seen: Seen) -> float:
-        """Return the squeeze that is wanted [N]."""
-
-    def load(self, seen: Seen) -> float:
-        """Return the load of the pad by the limit surface, force and torque together [N]."""
-        return float(np.linalg.norm(measured_load(self.setup, seen.wrench)))
 
 
 class MotionLaw(ABC):
