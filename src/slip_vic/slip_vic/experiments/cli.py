@@ -49,6 +49,8 @@ ENGINE = click.option(
     "--engine", type=click.Choice(["pool", "ray"]), default="pool", show_default=True,
     help="pool: processes of this machine; ray: the cluster at RAY_ADDRESS, else one on this machine",
 )  # fmt: skip
+NOT_DRAWN = ("sensors", "mismatches", "seeds", "urdf")
+"""Options that drawn worlds do not take."""
 SHARD = click.option(
     "--shard", "part", default="1/1", callback=shard, metavar="I/N", help="every N-th world from the I-th on"
 )
