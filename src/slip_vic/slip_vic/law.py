@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from slip_core.arrays import Array
 from slip_core.errors import InputError
-from slip_core.records import Record, Vec3, dtype_of, layout, new, record
+from slip_core.records import layout, new, record
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.law.attitude import Coordinates
 from slip_vic_controller.law.config import LAW_CONFIG
@@ -19,20 +19,11 @@ from slip_vic_controller.law.gains import LAW_GAINS
 from slip_vic_controller.law.law import EVALUATION, evaluate
 from slip_vic_controller.path.paths import REFERENCE
 from slip_vic_controller.safety.validation import JOINT_SAMPLE
-from slip_vic_controller.sizes import MAX_CONTACTS, MAX_JOINTS, Joints
+from slip_vic_controller.sizes import MAX_CONTACTS, MAX_JOINTS
 
 EVERYTHING: Final = (1.0,) * 6
 GRAVITY: Final = (0.0, 0.0, -9.81)
-
-
-class LawMemory(Record):
-    """What an evaluation takes of the one before."""
-
-    posture: Joints  # rad; of the null space
-    e_previous: Vec3  # rad; orientation error one cycle earlier
-
-
-MEMORY = dtype_of(LawMemory)
+MEMORY = layout([("posture", "f8", MAX_JOINTS), ("e_previous", "f8", 3)])
 GIVEN = layout([
     ("gains", LAW_GAINS), ("samples", CONTACT_SAMPLE, MAX_CONTACTS), ("slips", SLIP, MAX_CONTACTS),
     ("reference", REFERENCE), ("follow_error", "f8", 6), ("law", EVALUATION),
@@ -43,10 +34,9 @@ GIVEN = layout([
 class Evaluation:
     """What the law gives at one state; six numbers each, linear part first, unless stated otherwise.
 
-    effort (n,) [N m] inside of its limits; acceleration a_C {w}; e, e_dot, K, D: error, its rate, faded stiffness and
-    damping, in the coordinates of the error; gate in [0, 1]: slip activation; compensation {ee}: what drives the slip
-    to zero, before the gate; object_wrench h_o [N, N m], object_acceleration a_o {ee}; saturated (n,): joints at their
-    limit.
+    effort (n,) [N m]; acceleration a_C {w}; e, e_dot, K, D: error, its rate, faded stiffness and damping, in the
+    coordinates of the error; gate in [0, 1]: slip activation; compensation {ee}: what drives the slip to zero, before
+    the gate.
     """
 
     effort: Array
@@ -57,9 +47,6 @@ class Evaluation:
     D: Array
     gate: float
     compensation: Array
-    object_wrench: Array
-    object_acceleration: Array
-    saturated: Array
 
 
 def evaluate_law(
@@ -93,16 +80,6 @@ def evaluate_law(
     slip_rotation: ArrayLike | None = None,
     slip_axes: ArrayLike = EVERYTHING,
     gravity: ArrayLike = GRAVITY,
-    effort_limit: ArrayLike = np.inf,
-    posture: ArrayLike | None = None,
-    nullspace_stiffness: float = 0.0,
-    nullspace_damping: float = 0.0,
-    sigma_min: float = 1e-3,
-    most_damping: float = 0.1,
-    spin_limit: float = np.inf,
-    characteristic_length: float = 1.0,
-    e_previous: ArrayLike = 0.0,
-    attitude: Literal["log", "rpy"] = "log",
 ) -> Evaluation:
     """Return what the paper's law gives for one arm of n joints and one contact.
 
@@ -113,7 +90,8 @@ def evaluate_law(
             gamma_k=100, gamma_d=100, alpha=100, k_s=1000)
         answer.effort, answer.K, answer.gate
 
-    Classical impedance control has gamma_k = gamma_d = alpha = 0, the defaults.
+    Classical impedance control has gamma_k = gamma_d = alpha = 0, the defaults. The effort has no torques of the null
+    space, no damping near singular postures, and no limits.
 
     Args:
         q, qd: joint positions and velocities; (n,) [rad], [rad/s].
@@ -132,13 +110,6 @@ def evaluate_law(
         slip_position, slip_rotation: slip displacement so far; (3,) [m], (3, 3) {p}.
         slip_axes: directions on pad axes in which it can slip; (6,) 0 or 1 each.
         gravity: (3,) [m/s^2] {w}.
-        effort_limit: (n,) or one number [N m].
-        posture, nullspace_stiffness, nullspace_damping: of joints beyond six; (n,) [rad], [N m/rad], [N m s/rad].
-        sigma_min, most_damping: smallest singular value of J below which the torque is damped; how much [kg^-1/2].
-        spin_limit: most that the compensation may turn [rad/s^2].
-        characteristic_length: makes turning a slip speed [m].
-        e_previous: orientation error one cycle earlier, for its branch; (3,) [rad].
-        attitude: logarithm or roll, pitch and yaw.
 
     Raises:
         InputError: a shape that does not fit, or numbers that give no finite effort.
@@ -153,11 +124,8 @@ def evaluate_law(
         record(new(kind), kind) for kind in (LAW_CONFIG, ARM, JOINT_SAMPLE, MEMORY, GIVEN)
     )
     try:
-        config.joints, config.contacts, config.attitude = n, 1, Coordinates[attitude.upper()].value
-        config.radius = 1.0
-        config.nullspace_stiffness, config.nullspace_damping = nullspace_stiffness, nullspace_damping
-        config.sigma_min, config.most_damping = sigma_min, most_damping
-        config.effort_limit[:n] = effort_limit
+        config.joints, config.contacts, config.attitude = n, 1, Coordinates.LOG.value
+        config.radius, config.effort_limit[:n] = 1.0, np.inf
         contact = config.contact[0]
         contact.position[:], contact.slip_axes[:] = grasp_position, slip_axes
         contact.rotation[:] = np.eye(3) if grasp_rotation is None else grasp_rotation
@@ -168,7 +136,7 @@ def evaluate_law(
         gains.K_D[:], gains.D_D[:], gains.M_D[:] = stiffness, damping, desired_inertia
         gains.gamma_k[:], gains.gamma_d[:] = gamma_k, gamma_d
         gains.alpha, gains.k_s, gains.kappa = alpha, k_s, 0.0
-        gains.characteristic_length, gains.spin_limit = characteristic_length, spin_limit
+        gains.characteristic_length, gains.spin_limit = 1.0, np.inf
         body.mass, body.inertia[:], body.gravity[:] = mass, inertia, gravity
         given.gains.contact_position[:] = grasp_position
         given.samples[0].wrench[:], given.samples[0].slip_twist[:] = wrench, slip_velocity
@@ -181,7 +149,7 @@ def evaluate_law(
         reference.position[:], reference.rotation[:] = desired_position, desired_rotation
         reference.twist[:], reference.acceleration[:] = desired_twist, desired_acceleration
         joints.position[:n], joints.velocity[:n] = q, qd
-        memory.posture[:n], memory.e_previous[:] = q if posture is None else posture, e_previous
+        memory.posture[:n] = q
     except ValueError as error:
         raise InputError("evaluate_law", got=str(error), expected="the shapes that its docstring names") from None
     evaluate(config, arm, joints, memory, given)
@@ -197,7 +165,4 @@ def evaluate_law(
         D=np.array(law.D),
         gate=float(law.gate),
         compensation=np.array(law.comp),
-        object_wrench=np.array(law.h_o),
-        object_acceleration=np.array(law.a_o),
-        saturated=np.array(law.saturated[:n], dtype=bool),
     )

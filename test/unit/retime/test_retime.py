@@ -74,7 +74,7 @@ def load_by_mujoco(loaded: Scenario, motion: Motion) -> Array:
     data = mujoco.MjData(model)
     o_R_p, lever = matrix_from_quat_xyzw(p.contacts.orientation_xyzw[:4]), np.array(p.contacts.position[:3])
     slips, loads = np.array(p.contacts.slip_axes[:6], dtype=float), []
-    for pad in motion.pads:
+    for pad in map(PadMotion, *motion.pad):
         R_o = pad.rotation @ o_R_p.T
         r, w, alpha = R_o @ lever, pad.twist[3:], pad.acceleration[3:]
         data.qpos[:3] = pad.position - r
@@ -103,8 +103,8 @@ def test_arrival_is_that_of_the_closed_loop_and_no_load_is_above_the_margin(name
     np.testing.assert_allclose(by_mujoco, certificate.loads, atol=EXACT)
     assert by_mujoco.max() <= params.governor.margin * params.governor.friction_limit
     end = planned_poses(loaded).values[-1, :3]
-    np.testing.assert_allclose(motion.pads[-1].position, end, atol=1e-6)
-    assert np.abs(motion.pads[-1].twist).max() < 1e-3
+    np.testing.assert_allclose(motion.pad.position[-1], end, atol=1e-6)
+    assert np.abs(motion.pad.twist[-1]).max() < 1e-3
 
 
 def test_velocities_and_accelerations_are_the_derivatives_of_the_motion() -> None:
@@ -189,7 +189,7 @@ def test_a_weight_that_friction_cannot_carry_is_refused_with_its_place(tmp_path:
         ("time,a\n0,1\n", "at least 2"),
         ("time,a\n0,1\n0,2\n", "growing times"),
         ("time,a\n0,1\n1,nan\n", "numbers that are missing"),
-        ("time,a\n0,1\n1,x\n", "expected numbers"),
+        ("time,a\n0,1\n1,x\n", "a header and numbers"),
         ("time,a\n0,1\n1,2\n", "the joints"),
         ("time,x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n1,0,0,0,0,0,0,0\n", "unit quaternions"),
         ("time,x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n1,0,0,0,0,0,1,0\n", "half a revolution"),
@@ -229,10 +229,9 @@ def test_a_path_with_noise_is_refused(tmp_path: Path) -> None:
 def test_the_wrench_of_a_falling_pad_is_zero_and_of_a_resting_one_the_weight() -> None:
     g, r, J = np.array([0.0, 0.0, -9.81]), np.array([0.02, -0.01, 0.03]), np.diag([1e-3, 2e-3, 3e-3])
     falling = PadMotion(np.zeros(3), np.eye(3), np.zeros(6), np.concatenate((g, np.zeros(3))))
-    force, torque = pad_wrench(0.7, J, r, g, falling)
-    assert np.abs(np.concatenate((force, torque))).max() < EXACT
+    assert np.abs(pad_wrench(0.7, J, r, g, falling)).max() < EXACT
     resting = falling._replace(acceleration=np.zeros(6))
-    force, torque = pad_wrench(0.7, J, r, g, resting)
+    force, torque = np.split(pad_wrench(0.7, J, r, g, resting), 2)
     np.testing.assert_allclose(force, [0.0, 0.0, 0.7 * 9.81])
     np.testing.assert_allclose(torque, -np.cross(r, force))
 

@@ -30,13 +30,13 @@ SAFER: Final = 0.9999
 
 @dataclass(frozen=True)
 class Motion:
-    """A motion in time: coordinates with velocity and acceleration, each (m, n), and the pad at every sample."""
+    """A motion in time: coordinates with velocity and acceleration, each (m, n), and the pad with m of each part."""
 
     times: Array
     position: Array
     velocity: Array
     acceleration: Array
-    pads: tuple[PadMotion, ...]
+    pad: PadMotion
 
 
 @dataclass(frozen=True)
@@ -63,68 +63,62 @@ class Certificate:
 
 def motion_of(path: GivenPath, timing: Timing) -> Motion:
     """Return the path in its new timing: x' = x'(t) rate, x'' = x''(t) rate^2 + x'(t) rate_rate."""
-    rows, pads = [], []
-    for at, rate, rate_rate in zip(timing.path_times, timing.rates, timing.rate_rates, strict=True):
-        x, v, a = path.coordinates(float(at))
-        rows.append((x, rate * v, rate * rate * a + rate_rate * v))
-        planned = path.pad(float(at))
-        acceleration = rate * rate * planned.acceleration + rate_rate * planned.twist
-        pads.append(PadMotion(planned.position, planned.rotation, rate * planned.twist, acceleration))
-    x, v, a = (np.array(column) for column in zip(*rows, strict=True))
-    return Motion(timing.times, x, v, a, tuple(pads))
+    x, v, a = (np.array(part) for part in zip(*map(path.coordinates, timing.path_times), strict=True))
+    pad = PadMotion(*(np.array(part) for part in zip(*map(path.pad, timing.path_times), strict=True)))
+    rate, change = timing.rates[:, None], timing.rate_rates[:, None]
+    moves = pad._replace(twist=rate * pad.twist, acceleration=rate**2 * pad.acceleration + change * pad.twist)
+    return Motion(timing.times, x, rate * v, rate**2 * a + change * v, moves)
 
 
 def joined(motions: Sequence[Motion], waits: Sequence[float], period_s: float) -> Motion:
     """Return motions one after the other, each at rest for its wait [s] at its end; a row per control period."""
-    rows: list[tuple[Array, Array, Array, PadMotion]] = []
+    rows: list[list[Array]] = []
     for motion, wait in zip(motions, waits, strict=True):
         begin = 1 if rows else 0  # the first row is the last one of the motion before
-        rows += list(zip(motion.position, motion.velocity, motion.acceleration, motion.pads, strict=True))[begin:]
-        position, none, pad = motion.position[-1], np.zeros_like(motion.position[-1]), motion.pads[-1]
-        rest = pad._replace(twist=np.zeros(6), acceleration=np.zeros(6))
-        rows += [(position, none, none, rest)] * round(wait / period_s)
-    x, v, a, pads = zip(*rows, strict=True)
-    return Motion(period_s * np.arange(len(rows), dtype=np.float64), np.array(x), np.array(v), np.array(a), tuple(pads))
+        pad = motion.pad
+        parts = (motion.position, pad.position, pad.rotation, motion.velocity, motion.acceleration, *pad[2:])
+        rests = [np.repeat(part[-1:] * (k < 3), round(wait / period_s), axis=0) for k, part in enumerate(parts)]
+        rows.append([np.concatenate((part[begin:], rest)) for part, rest in zip(parts, rests, strict=True)])
+    x, p, R, v, a, twist, acceleration = (np.concatenate(part) for part in zip(*rows, strict=True))
+    return Motion(period_s * np.arange(len(x), dtype=np.float64), x, v, a, PadMotion(p, R, twist, acceleration))
 
 
-def pad_wrench(mass: float, inertia: Array, r: Array, gravity: Array, pad: PadMotion) -> tuple[Array, Array]:
-    """Return force and torque that the pad must put on the object, at the pad centre; (3,) [N], (3,) [N m] {w}.
+def pad_wrench(mass: float, inertia: Array, r: Array, gravity: Array, pad: PadMotion) -> Array:
+    """Return the wrench that the pad must put on the object, at the pad centre; (..., 6) [N, N m] {w}.
 
     Args:
         mass: [kg].
         inertia: about the centre of mass (3, 3) [kg m^2], on pad axes.
         r: pad centre as seen from the centre of mass (3,) [m], on pad axes.
         gravity: (3,) [m/s^2] {w}.
-        pad: motion of the pad.
+        pad: motion of the pad, one or many.
 
     Implements: ours: Newton's and Euler's equations of a body that moves with the pad.
     """
-    R, w, alpha = pad.rotation, pad.twist[3:], pad.acceleration[3:]
-    lever, J = R @ r, R @ inertia @ R.T
-    of_centre = pad.acceleration[:3] - _cross(alpha, lever) - _cross(w, _cross(w, lever))
+    R, w, alpha = pad.rotation, pad.twist[..., 3:], pad.acceleration[..., 3:]
+    lever, J = R @ r, R @ inertia @ np.swapaxes(R, -1, -2)
+    of_centre = pad.acceleration[..., :3] - np.cross(alpha, lever) - np.cross(w, np.cross(w, lever))
     force = mass * (of_centre - gravity)
-    return force, J @ alpha + _cross(w, J @ w) - _cross(lever, force)
+    torque = _times(J, alpha) + np.cross(w, _times(J, w)) - np.cross(lever, force)
+    return np.concatenate((force, torque), axis=-1)
 
 
-def _cross(a: Array, b: Array) -> Array:
-    """Return a x b of two vectors; numpy's own takes arrays of them, and ten times as long."""
-    (x, y, z), (u, v, w) = a.tolist(), b.tolist()
-    return np.array((y * w - z * v, z * u - x * w, x * v - y * u))
-
-
-def pad_load(params: ControllerParams, inertia: Array, r: Array, pad: PadMotion) -> float:
-    """Return |S^-1 Sigma h| [N] of the wrench that the pad must put on the object; arguments as in `pad_wrench`."""
-    R = pad.rotation
-    force, torque = pad_wrench(params.object.mass, inertia, r, np.array(params.gravity), pad)
-    slips = np.array(params.contacts.slip_axes[:6], dtype=float)
-    loads = slips * np.concatenate((R.T @ force, R.T @ torque / params.governor.torsional_radius))
-    return float(np.linalg.norm(loads))
+def _times(matrices: Array, vectors: Array) -> Array:
+    """Return the products of matrices (..., n, m) and vectors (..., m)."""
+    return (matrices @ vectors[..., None])[..., 0]
 
 
 def certify(params: ControllerParams, held: Array, motion: Motion) -> Certificate:
-    """Return the load of every sample; held: HELD_OBJECT."""
+    """Return the load of every sample, |S^-1 Sigma h| of the wrench that the pad must put on the object.
+
+    held: HELD_OBJECT.
+    """
     grasped: HeldObject = record(held, HELD_OBJECT)
-    loads = np.array([pad_load(params, grasped.inertia, grasped.r, pad) for pad in motion.pads])
+    wrench = pad_wrench(params.object.mass, grasped.inertia, grasped.r, np.array(params.gravity), motion.pad)
+    back = np.swapaxes(motion.pad.rotation, -1, -2)
+    on_pad = np.hstack((_times(back, wrench[:, :3]), _times(back, wrench[:, 3:]) / params.governor.torsional_radius))
+    slips = np.array(params.contacts.slip_axes[:6], dtype=float)
+    loads = np.linalg.norm(slips * on_pad, axis=1)
     return Certificate(loads, params.governor.friction_limit, params.governor.margin)
 
 
@@ -159,20 +153,19 @@ def certified(path: GivenPath, params: ControllerParams, config: Array) -> tuple
     )
 
 
-def arm_shares(robot: Robot, held: Array, gravity: Array, motion: Motion) -> tuple[Array, Array]:
+def arm_shares(robot: Robot, params: ControllerParams, motion: Motion) -> tuple[Array, Array]:
     """Return the largest shares of velocity and effort limits that a motion of the joints takes; (n,) each.
 
     tau = B qdd + C qd + g - J^T h_ee, with the wrench h_ee of the object on the robot.
 
     Implements: Eq. (1), (10).
     """
-    buffer, grasped = new(ARM), record(held, HELD_OBJECT)
+    buffer, grasped = new(ARM), record(held_object(params), HELD_OBJECT)
     arm: Arm = record(buffer, ARM)
     n, efforts = motion.position.shape[1], []
-    for q, qd, qdd, pad in zip(motion.position, motion.velocity, motion.acceleration, motion.pads, strict=True):
+    wrenches = pad_wrench(params.object.mass, grasped.inertia, grasped.r, np.array(params.gravity), motion.pad)
+    for q, qd, qdd, wrench in zip(motion.position, motion.velocity, motion.acceleration, wrenches, strict=True):
         robot.terms(q, qd, buffer)
-        force, torque = pad_wrench(grasped.mass, grasped.inertia, grasped.r, gravity, pad)
-        J = arm.J[:, :n]
-        efforts.append(arm.M[:n, :n] @ qdd + arm.bias[:n] + J.T @ np.concatenate((force, torque)))
+        efforts.append(arm.M[:n, :n] @ qdd + arm.bias[:n] + arm.J[:, :n].T @ wrench)
     speed = np.abs(motion.velocity).max(axis=0) / robot.velocity_limit
     return speed, np.abs(np.array(efforts)).max(axis=0) / robot.effort_limit

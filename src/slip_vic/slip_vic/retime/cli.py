@@ -16,18 +16,16 @@ from slip_vic.options import Choice, choosing, out_option
     "--timing", type=click.Choice(["slow_down", "time_optimal"]), default="slow_down", show_default=True,
     help="never faster than the path as given, or as fast as friction admits",
 )  # fmt: skip
-@click.option("--topic", default="", help="of the trajectory in a bag with several")
 @out_option("out/retime", "folder")
-def retime(*, path: Path, choice: Choice, timing: str, topic: str, out: Path) -> None:
+def retime(*, path: Path, choice: Choice, timing: str, out: Path) -> None:
     """Give a path the timing that the grasp's friction admits, for any controller to follow.
 
-    PATH is a CSV file or a bag with a trajectory_msgs/JointTrajectory. A CSV file has one column per joint [rad] or the
-    pad's pose: x, y, z [m], qx, qy, qz, qw, and a column `time` [s], which --timing time_optimal does not need. Arm,
-    object, grip and friction are those of the scenario. Written are a smooth path through the points with its new
-    timing, and a certificate: load, and largest distance from the straight lines between the points. A pose given twice
-    is a wait, and stays one.
+    PATH is a CSV file with one column per joint [rad] or the pad's pose: x, y, z [m], qx, qy, qz, qw, and a column
+    `time` [s], which --timing time_optimal does not need. Arm, object, grip and friction are those of the scenario.
+    Written are a smooth path through the points with its new timing, and a certificate: load, and largest distance from
+    the straight lines between the points. A pose given twice is a wait, and stays one.
     """
     from slip_vic.retime.command import run_retime
 
-    for line in run_retime(path, choice, out, timing=timing, topic=topic):
+    for line in run_retime(path, choice, out, timing):
         click.echo(line)

@@ -6,8 +6,6 @@ import json
 from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
-
 from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.records import new, record
@@ -24,20 +22,19 @@ from slip_vic_controller.session.controller import ArmController
 from slip_vic_controller.state import CONFIG
 
 
-def run_retime(source: Path, choice: Choice, out: Path, *, timing: str = "slow_down", topic: str = "") -> Iterator[str]:
+def run_retime(source: Path, choice: Choice, out: Path, timing: str) -> Iterator[str]:
     """Retime a path and write the results below `out`; yield what there is to say, a line each.
 
     Args:
-        source: CSV file or bag.
+        source: CSV file.
         choice: the scenario whose arm, object, grip and friction count.
         out: folder.
         timing: slow_down or time_optimal.
-        topic: of the trajectory in a bag with several.
 
     Raises:
         InputError: a path that is none, or that friction cannot carry.
     """
-    given = read_points(source, topic)
+    given = read_points(source)
     timed = len(given.times) > 0
     if not timed and timing == "slow_down":
         raise InputError(
@@ -62,7 +59,7 @@ def run_retime(source: Path, choice: Choice, out: Path, *, timing: str = "slow_d
     output.write_csv(out / "trajectory.csv", paths[0].names, motion)
     if not given.of_pad:
         output.write_goal(out / "follow_joint_trajectory.yaml", paths[0].names, motion)
-        speeds, efforts = arm_shares(controller.robot, held_object(params), np.array(params.gravity), motion)
+        speeds, efforts = arm_shares(controller.robot, params, motion)
         data |= {"peak_velocity_share": float(speeds.max()), "peak_effort_share": float(efforts.max())}
     (out / "certificate.json").write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
     as_given = f"; the path as given takes {given.times[-1]:.3f} s" if timed else ""

@@ -26,13 +26,11 @@ def write_csv(path: Path, names: tuple[str, ...], motion: Motion) -> None:
     """
     columns: dict[str, Array] = {"time": motion.times}
     if names == POSE_COLUMNS:
-        quaternions = Rotation.from_matrix(np.array([pad.rotation for pad in motion.pads])).as_quat()
-        poses = np.hstack((np.array([pad.position for pad in motion.pads]), quaternions))
+        pad = motion.pad
+        poses = np.hstack((pad.position, Rotation.from_matrix(pad.rotation).as_quat()))
         columns |= dict(zip(POSE_COLUMNS, poses.T, strict=True))
-        twists = np.array([pad.twist for pad in motion.pads])
-        accelerations = np.array([pad.acceleration for pad in motion.pads])
-        columns |= {f"twist_{axis}": twists[:, k] for k, axis in enumerate(AXES)}
-        columns |= {f"acceleration_{axis}": accelerations[:, k] for k, axis in enumerate(AXES)}
+        columns |= {f"twist_{axis}": pad.twist[:, k] for k, axis in enumerate(AXES)}
+        columns |= {f"acceleration_{axis}": pad.acceleration[:, k] for k, axis in enumerate(AXES)}
     else:
         kinds = {"": motion.position, "_velocity": motion.velocity, "_acceleration": motion.acceleration}
         for suffix, rows in kinds.items():
@@ -40,29 +38,19 @@ def write_csv(path: Path, names: tuple[str, ...], motion: Motion) -> None:
     pd.DataFrame(columns).to_csv(path, index=False, float_format="%.9g")
 
 
-def trajectory_message(names: tuple[str, ...], motion: Motion, period_s: float) -> dict[str, Any]:
-    """Return a trajectory_msgs/JointTrajectory with a point per period, first and last sample included."""
-    step = max(1, round(period_s / float(motion.times[1] - motion.times[0])))
-    rows = sorted({*range(0, len(motion.times), step), len(motion.times) - 1})
-    return {
-        "header": {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""},
-        "joint_names": list(names),
-        "points": [
-            {
-                "positions": motion.position[i].tolist(),
-                "velocities": motion.velocity[i].tolist(),
-                "accelerations": motion.acceleration[i].tolist(),
-                "effort": [],
-                "time_from_start": _duration(float(motion.times[i])),
-            }
-            for i in rows
-        ],
-    }
-
-
 def write_goal(path: Path, names: tuple[str, ...], motion: Motion) -> None:
-    """Write a goal of control_msgs/action/FollowJointTrajectory as YAML."""
-    goal = {"trajectory": trajectory_message(names, motion, GOAL_PERIOD_S)}
+    """Write a goal of control_msgs/action/FollowJointTrajectory as YAML, first and last sample included."""
+    step = max(1, round(GOAL_PERIOD_S / float(motion.times[1] - motion.times[0])))
+    points = []
+    for i in sorted({*range(0, len(motion.times), step), len(motion.times) - 1}):
+        sec, nanosec = divmod(round(1e9 * float(motion.times[i])), 1_000_000_000)
+        points.append({
+            "positions": motion.position[i].tolist(), "velocities": motion.velocity[i].tolist(),
+            "accelerations": motion.acceleration[i].tolist(), "effort": [],
+            "time_from_start": {"sec": sec, "nanosec": nanosec},
+        })  # fmt: skip
+    header = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
+    goal = {"trajectory": {"header": header, "joint_names": list(names), "points": points}}
     path.write_text(yaml.safe_dump(goal, default_flow_style=None, sort_keys=False), encoding="utf-8")
 
 
@@ -81,8 +69,3 @@ def certificate_data(
         "deviation": deviation,
         "samples": len(motion.times),
     }
-
-
-def _duration(seconds: float) -> dict[str, int]:
-    sec, nanosec = divmod(round(1e9 * seconds), 1_000_000_000)
-    return {"sec": sec, "nanosec": nanosec}

@@ -1,4 +1,4 @@
-"""Paths to retime: of joints or of the pad, from CSV files and bags, as smooth curves between their rests.
+"""Paths to retime: of joints or of the pad, from CSV files, as smooth curves between their rests.
 
 The geometry comes from the points alone: each section between two rests is a spline over its chord length. Of the given
 times only the duration of a section and the waits between sections count.
@@ -15,38 +15,40 @@ import numpy as np
 import pandas as pd
 from scipy.spatial.transform import Rotation
 
-from slip_bags.reader import Bag
 from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.files.resources import read_text
 from slip_core.vectors import Vec
-from slip_msgs_py.messages.from_msgs import joint_trajectory
 from slip_vic_controller.law.rotation import left_jacobian, left_jacobian_rate
 from slip_vic_controller.path.joint_path import POSE_COLUMNS, JointPath, PadMotion, Points, checked, spline
 
-TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
 REST_STEP = 1e-6
 """Step between two points below which the path rests [m, rad] (ours: less than any encoder resolves)."""
 
 
-def read_points(path: Path, topic: str = "") -> Points:
-    """Read a path: a CSV file, or a bag with a JointTrajectory; without a column `time` [s] its times are empty.
+def read_points(path: Path) -> Points:
+    """Read a path from a CSV file; without a column `time` [s] its times are empty.
 
     The other columns are joint positions by joint name [rad], or the pad's pose: x y z [m], qx qy qz qw.
-
-    Args:
-        path: file or bag.
-        topic: of the trajectory in a bag; empty where there is only one.
 
     Raises:
         InputError: not such a file, or numbers that make no path.
     """
-    points = _from_csv(path) if path.suffix == ".csv" else _from_bag(path, topic)
-    if len(points.times):
-        _check_times(points, str(path))
-        points = Points(points.times - points.times[0], points.values, points.names)
-    checked(Points(np.arange(len(points.values), dtype=float), points.values, points.names), str(path))
-    return points
+    try:
+        table = pd.read_csv(io.StringIO(read_text(str(path), f"path {path}")), skipinitialspace=True)
+        others = [name for name in table.columns if name != "time"]
+        names = POSE_COLUMNS if set(others) == set(POSE_COLUMNS) else tuple(others)
+        values = table[list(names)].to_numpy(dtype=np.float64)
+        times = table["time"].to_numpy(dtype=np.float64) if "time" in table.columns else np.empty(0)
+    except ValueError as error:
+        raise InputError(
+            f"path {path}", got=f"{type(error).__name__}: {error}", expected="a CSV file with a header and numbers"
+        ) from None
+    checked(Points(np.arange(len(values), dtype=float), values, names), str(path))
+    if len(times):
+        _check_times(Points(times, values, names), str(path))
+        times = times - times[0]
+    return Points(times, values, names)
 
 
 def _check_times(points: Points, what: str) -> None:
@@ -139,37 +141,6 @@ def deviation(points: Points, motion: Array) -> float:
         share = np.clip(((row - starts) * along).sum(axis=1) / squares, 0.0, 1.0)
         largest = max(largest, float(np.linalg.norm(starts + share[:, None] * along - row, axis=1).min()))
     return largest
-
-
-def _from_csv(path: Path) -> Points:
-    try:
-        table = pd.read_csv(io.StringIO(read_text(str(path), f"path {path}")), skipinitialspace=True)
-    except ValueError as error:
-        raise InputError(
-            f"path {path}", got=type(error).__name__, expected="a CSV file with a header line", fix=str(error)
-        ) from None
-    others = [name for name in table.columns if name != "time"]
-    names = POSE_COLUMNS if set(others) == set(POSE_COLUMNS) else tuple(others)
-    try:
-        numbers = table[list(names)].to_numpy(dtype=np.float64)
-        times = table["time"].to_numpy(dtype=np.float64) if "time" in table.columns else np.empty(0)
-    except ValueError as error:
-        raise InputError(f"path {path}", got=str(error), expected="numbers") from None
-    return Points(times, numbers, names)
-
-
-def _from_bag(path: Path, topic: str) -> Points:
-    with Bag(path) as bag:
-        known = [name for name, info in bag.topics.items() if info.type_name == TRAJECTORY]
-        if (topic and topic not in known) or (not topic and len(known) != 1):
-            raise InputError(
-                f"trajectory in {path}", got=topic or f"{len(known)} topics of type {TRAJECTORY}",
-                expected=f"one of {known}" if known else f"a topic of type {TRAJECTORY}", fix="--topic NAME",
-            )  # fmt: skip
-        message = next(iter(bag.messages(topic or known[0])), None)
-    if message is None:
-        raise InputError(f"trajectory in {path}", got="no message", expected="one")
-    return Points(*joint_trajectory(message.value))
 
 
 class PadPath:
