@@ -23,7 +23,7 @@ def gain_lines(report: GainReport) -> Iterator[str]:
     yield f"k_s configured {report.asked:g}, used {report.used:.6g} of {report.accepted:.6g} 1/s"
     for one in report.conditions:
         numbers = f"{one.value:.6g}, limit {one.limit:.6g}, margin {one.margin:.3g}"
-        yield f"{one.name} {'holds' if one.holds else 'FAILS'}: {numbers}; {one.reason}"
+        yield f"{one.name} {'holds' if one.holds else 'fails'}: {numbers}; {one.reason}"
 
 
 def run_worlds(choice: Choice, mismatches: Sequence[str], report: Callable[[str], None]) -> Iterator[Row]:
