@@ -2,7 +2,6 @@
 
 import re
 import signal
-import tempfile
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
@@ -101,10 +100,10 @@ def test_address_is_local_and_serves_the_page_alone(processes: Processes) -> Non
 
 def test_it_shows_the_newest_run(processes: Processes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where runs are noted is a folder of this test alone."""
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     with domain_id() as domain:
         command = ("-m", "slip_vic.cli", "watch", "--port", 0)
-        child = processes.python("watch", *command, ROS_DOMAIN_ID="", TMPDIR=str(tmp_path))
+        child = processes.python("watch", *command, ROS_DOMAIN_ID="", XDG_CACHE_HOME=str(tmp_path))
         line = f"watching ROS domain {domain} for a run of slip-vic"
         wait_until(lambda: line in child.tail(), line, seen=child.tail)
     assert processes.stop(child, signal.SIGINT) == 0

@@ -54,11 +54,11 @@ def watch(namespace: str, domain_id: int | None, host: str, port: int) -> None:
     from slip_msgs_py.stop_flag import StopFlag
     from slip_vic.page.audience import Audience
     from slip_vic.page.live import watch as run_watch
-    from slip_vic.run.domain import check_domain, domain_from_environment, domains_in_use
+    from slip_vic.run.domain import chosen_domain, domains_in_use
 
     runs = domains_in_use()
-    wanted = domain_id if domain_id is not None else domain_from_environment()
-    domain = check_domain((runs or [0])[0] if wanted is None else wanted)
+    wanted = chosen_domain(domain_id)
+    domain = (runs or [0])[0] if wanted is None else wanted
     audience = Audience(host, port)
     click.echo(f"http://{host}:{audience.port}/  (Ctrl-C ends)")
     try:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-import os
 import shlex
 import shutil
 import sys
+import tempfile
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -53,8 +53,13 @@ def run_demo(
     for scenario in loaded.values():
         scenario.check()
     shown = loaded["vic"]
-    staging = _staging_folder(out)
     try:
+        out.mkdir(parents=True, exist_ok=True)
+        kept = tempfile.TemporaryDirectory(prefix=".run.", dir=out)
+    except OSError as error:
+        raise InputError(f"output folder {out}", got=error, expected="a folder that can be written") from None
+    with kept as folder:
+        staging = Path(folder)
         runs, numbers = _in_process(loaded, console) if in_process else _over_dds(loaded, staging, console, domain)
         for law in () if in_process else numbers:
             numbers[law]["bag"] = str(out / law)
@@ -69,8 +74,6 @@ def run_demo(
             if target.is_dir():
                 shutil.rmtree(target)
             item.replace(target)
-    finally:
-        shutil.rmtree(staging, ignore_errors=True)
     console_out = Console()
     console_out.print(table)
     console_out.print(f"page: {out / 'report.html'}\nsummary: {out / 'summary.json'}", soft_wrap=True)
@@ -127,15 +130,6 @@ def all_laws(choice: Choice) -> dict[Law, Scenario]:
     given = read_parameters(choice.params)
     common = {name: value for name, value in given.items() if name not in ("controller", *GOVERNED)}
     return {law: replace(choice, law=law).load(parameters=common) for law in ORDER}
-
-
-def _staging_folder(out: Path) -> Path:
-    staging = out / f".run.{os.getpid()}"
-    try:
-        staging.mkdir(parents=True)
-    except OSError as error:
-        raise InputError(f"output folder {out}", got=error, expected="a folder that can be written") from None
-    return staging
 
 
 def comparison_table(scenario: str, runs: Mapping[str, Mapping[str, Any]]) -> Table:

@@ -15,7 +15,7 @@ from slip_msgs_py.environment import check_ros
 from slip_msgs_py.events import Event
 from slip_msgs_py.realtime import ProcessOptions
 from slip_msgs_py.stop_flag import StopFlag
-from slip_vic.run.domain import check_domain, domain_from_environment, domain_id
+from slip_vic.run.domain import chosen_domain, domain_id
 from slip_vic.run.node_command import NO_OPTIONS, node_command
 from slip_vic.run.prepare import prepare
 from slip_vic.run.processes import Child, ProcessGroup, child_environment, python_module
@@ -91,7 +91,7 @@ class Launcher:
         self._bag = bag
         self._keep_bag = keep_bag
         self._on_progress: Callable[[float], None] = lambda _: None
-        self._wanted_domain = domain_from_environment() if wanted_domain is None else check_domain(wanted_domain)
+        self._wanted_domain = chosen_domain(wanted_domain)
         self._namespace = f"/{namespace.strip('/')}" if namespace else ""
         self._process = _with_cores(process, scenario.arms[0][1].mode)
         self.warnings: list[str] = []
