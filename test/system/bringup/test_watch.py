@@ -61,9 +61,9 @@ def test_page_follows_what_runs(processes: Processes, browser: Browser, tmp_path
     wait_in_page(page, "document.querySelector('.run .mode').innerText === 'ACTIVE'")
     processes.stop(player, signal.SIGINT)
     wait_in_page(page, "!document.getElementById('problem').hidden")
-    assert "The run has ended" in page.inner_text("#problem")
+    assert "the run has ended" in page.inner_text("#problem")
     late, _ = open_page(browser, address)
-    assert "The run has ended" in late.inner_text("#problem")
+    assert "the run has ended" in late.inner_text("#problem")
     assert errors == []
     assert processes.stop(child, signal.SIGINT) == 0
 

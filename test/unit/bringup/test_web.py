@@ -2,8 +2,11 @@
 
 import base64
 import gzip
+import json
 import re
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio
@@ -13,17 +16,30 @@ from scipy.spatial.transform import Rotation
 from slip_core.errors import InputError
 from slip_description import urdf_text
 from slip_vic.page import require_page, scripts
-from slip_vic.page.packing import Packer, compressed, unpack
+from slip_vic.page.packing import ARRAY, Packer, compressed
 from slip_vic.page.page import make_page, summaries
 from slip_vic.page.plots import plot_series
-from slip_vic.page.runs import colours, drawn, grid, load_ratio, thinned
+from slip_vic.page.runs import colours, drawn, grid, thinned
 from slip_vic.page.urdf import links_of
-from slip_vic.run.data import read_data
-from slip_vic.run.metrics import summarise
+from slip_vic.run.data import ArmData, Channel, read_data
+from slip_vic.run.metrics import load_ratio, summarise
 from test.support.two_arms import two_arms
 
 BAGS = Path(__file__).parents[3] / "bags"
 FLOAT32 = 1e-6
+
+
+def unpack(block: bytes) -> Any:
+    """Return the header with its arrays in place, as the page reads it."""
+    length = int.from_bytes(block[:4], "little")
+
+    def revive(found: dict[str, Any]) -> object:
+        if ARRAY not in found:
+            return found
+        kind, offset, count = found[ARRAY]
+        return np.frombuffer(block, f"<{kind}", count, 4 + length + offset)
+
+    return json.loads(block[4 : 4 + length], object_hook=revive)
 
 
 def test_a_block_gives_back_what_was_packed() -> None:
@@ -92,8 +108,9 @@ def test_load_ratio_is_one_where_friction_gives_way() -> None:
         "contacts.slip_axes": [True, True, False, False, False, True],
     }
     loads = np.array([[0.15, 0.2, 9.0, 9.0, 9.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0, 0.0075]])
-    np.testing.assert_allclose(load_ratio(loads, parameters), [1.0, 1.0])
-    assert np.isnan(load_ratio(loads, {})).all()
+    arm = ArmData("", "", (), parameters, {"wrench": Channel(np.arange(2.0), loads)})
+    np.testing.assert_allclose(load_ratio(arm), [1.0, 1.0])
+    assert np.isnan(load_ratio(replace(arm, parameters={}))).all()
 
 
 def test_a_thinned_path_keeps_its_ends() -> None:

@@ -9,7 +9,6 @@ from click.testing import CliRunner
 
 from slip_vic.cli import cli
 from slip_vic.options import Choice
-from slip_vic.scenarios.scenario import load_scenario
 
 
 def check(*words: str) -> tuple[int, str]:
@@ -69,13 +68,3 @@ def test_the_bound_on_k_s_and_the_exit_code() -> None:
     with_file = CliRunner().invoke(cli, ["check", "--params", str(Path(__file__).parents[3] / file), *arguments[1:]])
     assert with_file.exit_code == 0
     assert "54.8861" in with_file.output
-
-
-def test_which_joint_comes_near_the_end_of_its_range() -> None:
-    """Limit avoidance pushes the pad off its path there, which no governor sees: seen with this very path."""
-    eight = [f"controller.trajectory.{text}" for text in ("kind=lemniscate", "radius=0.06", "duration_s=8.0")]
-    assert load_scenario("paper_planar").check_arm() == []
-    (remark,) = load_scenario("paper_planar", assignments=eight).check_arm()
-    assert remark.startswith("arm_joint4 comes to 0.047 of the end of its range")
-    wide = load_scenario("paper_planar", assignments=[*eight, "controller.safety.limits.position_margin=0.04"])
-    assert wide.check_arm() == []

@@ -46,7 +46,7 @@ def test_progress_without_a_terminal_is_lines() -> None:
             now[0] += 0.5
             report(done, "1 workers died" if done > 90 else "")
     assert written.getvalue().splitlines() == [
-        "study: 60 of 100 done, 2 per second, about 20 s left",
-        "study: 80 of 100 done, 2 per second, about 10 s left",
+        "study: 60 of 100 done",
+        "study: 80 of 100 done",
         "study: 100 of 100 done, 1 workers died",
     ]

@@ -164,7 +164,8 @@ def check(*, choice: Choice, mismatches: tuple[str, ...]) -> None:
 
     loaded = choice.load()
     report = gains(loaded)
-    for line in (*gain_lines(report), *loaded.check_arm()):
+    loaded.check_arm()
+    for line in gain_lines(report):
         click.echo(line)
     if not report.hold:
         raise click.exceptions.Exit(2)

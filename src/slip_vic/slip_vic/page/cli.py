@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import shlex
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 
 import click
@@ -63,16 +62,9 @@ def watch(namespace: str, domain_id: int | None, host: str, port: int) -> None:
     click.echo(f"http://{host}:{audience.port}/  (Ctrl-C ends)")
     try:
         os.environ["ROS_DOMAIN_ID"] = str(domain)
-        click.echo(what_is_watched(domain, runs), err=True)
+        here = "a run of slip-vic" if domain in runs else "joint_states and robot_description"
+        click.echo(f"watching ROS domain {domain} for {here}", err=True)
         with StopFlag() as stop, ros_node("slip_vic_watch", "/") as node:
             run_watch(node, audience, namespace, stop)
     finally:
         audience.close()
-
-
-def what_is_watched(domain: int, runs: Sequence[int]) -> str:
-    """Return a line that says which domain `slip-vic watch` shows; runs: domains that runs of this suite hold."""
-    others = [str(one) for one in runs if one != domain]
-    here = "a run of slip-vic" if domain in runs else "joint_states and robot_description"
-    more = f"; runs are in domain {', '.join(others)} too (--domain-id)" if others else ""
-    return f"watching ROS domain {domain} for {here}{more}"

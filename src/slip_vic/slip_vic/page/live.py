@@ -38,6 +38,7 @@ FRAME_S: Final = 0.1
 ASK_S: Final = 2.0
 SILENT_S: Final = 2.0
 """So long without joint states the page reports that nothing arrives."""
+SILENCE: Final = "No joint states arrive: the run has ended, or is paused. What was received stays."
 
 
 @dataclass(slots=True)
@@ -108,17 +109,6 @@ class Watcher:
         """Return the number and the mode of each arm whose mode has been published."""
         return [(k, text) for k, arm in enumerate(a for a in self.arms if a.complete) if (text := arm.text(MODE))]
 
-    def silence(self) -> str:
-        """Return why no joint states arrive, in a sentence."""
-        joints = [arm.topics["joint_states"].full for arm in self.arms]
-        if any(self._node.count_publishers(topic) for topic in joints):
-            return "No joint states arrive: the run or its source is paused. What was received stays."
-        return "The run has ended: joint_states has no publisher any more. What was received stays."
-
-    def forget(self) -> None:
-        """Make another model with the next frame."""
-        self.model = None
-
     def close(self) -> None:
         """Unsubscribe from everything."""
         for arm in self.arms:
@@ -139,7 +129,7 @@ class Watcher:
                 for one in names
             }
             self.arms.append(WatchedArm(name, topics, ask_parameters(self._asker, f"{prefix}/{NODE}")))
-            self.forget()
+            self.model = None  # the next frame makes another one
 
     def _begin(self, run: Run) -> None:
         """Make the model that says what stands in a frame; topics that appear later lead to another one."""
@@ -238,7 +228,7 @@ def watch(node: Node, audience: Audience, namespace: str, stop: Callable[[], obj
                     audience.mode(arm, text)
             if model is not None and silent != (now > newest + SILENT_S):
                 silent = not silent
-                audience.ended(watcher.silence() if silent else "")
+                audience.ended(SILENCE if silent else "")
             time.sleep(FRAME_S if audience.present or model is None else min(1.0, DISCOVERY_S))
     finally:
         watcher.close()

@@ -44,16 +44,3 @@ class Packer:
 def compressed(block: bytes) -> str:
     """Return a block gzipped, as base64; the same block gives the same text."""
     return base64.b64encode(gzip.compress(block, _LEVEL, mtime=0)).decode()
-
-
-def unpack(block: bytes) -> Any:
-    """Return the header with its arrays in place, as the page reads it."""
-    length = int.from_bytes(block[:4], "little")
-
-    def revive(found: dict[str, Any]) -> object:
-        if ARRAY not in found:
-            return found
-        kind, offset, count = found[ARRAY]
-        return np.frombuffer(block, f"<{kind}", count, 4 + length + offset)
-
-    return json.loads(block[4 : 4 + length], object_hook=revive)

@@ -16,6 +16,7 @@ from slip_sim_bridge.params import BridgeParams
 from slip_vic.page.packing import Packer
 from slip_vic.page.urdf import links_of
 from slip_vic.run.data import ArmData, Channel, RunData
+from slip_vic.run.metrics import load_ratio
 
 STEP_S: Final = 0.004
 MOST_FRAMES: Final = 4000
@@ -87,7 +88,7 @@ def arm_of(data: ArmData, times: Array, end: str = "") -> Arm:
         desired = data.law_six("desired")[:, :3]
         planned = desired[np.isfinite(desired).all(axis=1)]
     if "wrench" in held:
-        values["load"] = load_ratio(held["wrench"], data.parameters)
+        values["load"] = newest_on_grid(Channel(data.channel("wrench").times, load_ratio(data)), times)
     if "internal" in held:
         internal = held["internal"]
         values |= {"internal_n": np.linalg.norm(internal[:, :2], axis=1), "internal_nm": np.abs(internal[:, 5])}
@@ -122,20 +123,6 @@ def law_values(names: Sequence[str], symbols: Array) -> dict[str, Array]:
         "stiffness_turning": stiffness[:, 3:].min(axis=1),
         "gate": symbols[:, names.index("gate")],
     }
-
-
-def load_ratio(wrench: Array, parameters: Mapping[str, Any]) -> Array:
-    """Return how much of the friction the measured load takes; (N, 6) [N, N m] pad axes -> (N,).
-
-    Force and torque over the torsional radius on the axes on which the pad slips, over the friction limit, as the
-    controller is configured; NaN where it has none.
-    """
-    limit, radius = parameters.get("governor.friction_limit", 0.0), parameters.get("governor.torsional_radius", 0.0)
-    if not limit or not radius:
-        return np.full(len(wrench), np.nan)
-    slips = np.array(parameters.get("contacts.slip_axes", [True] * 6)[:6], dtype=float)
-    weights = slips * np.array([1.0, 1.0, 1.0, 1.0 / radius, 1.0 / radius, 1.0 / radius])
-    return np.linalg.norm(wrench * weights, axis=1) / limit
 
 
 @functools.lru_cache

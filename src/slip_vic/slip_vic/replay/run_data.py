@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from slip_core.arms import by_arm, model_of_arms, prefix_of
 from slip_core.arrays import readonly
 from slip_core.errors import InputError
 from slip_core.params import build, flatten
+from slip_core.stamps import NS_PER_S
 from slip_core.topics import contact_topic
 from slip_core.types import CartesianReference, JointSample, PoseGoal, SlipSample, WrenchSample
 from slip_msgs_py.messages.from_msgs import (
@@ -37,9 +38,9 @@ LEDGER: Final = "controller/ledger"
 GIVEN: Final = "controller/reference_used"
 PARAMETERS: Final = "controller.params.yaml"
 URDF: Final = "arm.urdf"
+Sample = TypeVar("Sample")
 EVENTS: Final = "/parameter_events"
 NODE: Final = "slip_vic_controller"
-_FIXED, _PER_CONTACT, _DECISION = 3, 4, 5  # numbers of a ledger entry: cycle and stamp, samples, decision
 _KINDS: Final = ("bool", "integer", "double", "string", "byte_array", "bool_array", "integer_array", "double_array",
                  "string_array")  # fmt: skip
 """Of parameter values, by type number from 1 on."""
@@ -60,7 +61,7 @@ class LedgerEntry:
     mode: int
     health: int
     request: int
-    taken: int = 0
+    taken: int
 
     @property
     def waits(self) -> bool:
@@ -216,67 +217,52 @@ def _complete(bag: Bag, topic: str) -> Series:
 
 
 def _entry(row: Sequence[int], contacts: int) -> LedgerEntry:
-    behind = _FIXED + _PER_CONTACT * contacts
-    used, decision = row[_FIXED:behind], row[behind : behind + _DECISION]
-    if len(row) - behind not in (_DECISION, _DECISION + 1):
+    behind = 3 + 4 * contacts  # cycle and stamp; the stamps of wrench and slip of each contact; what was decided
+    if len(row) != behind + 6:
         got = f"{len(row)} numbers for {contacts} contacts"
-        raise InputError("a ledger entry", got=got, expected=f"{_FIXED + _PER_CONTACT * contacts + _DECISION}")
-    return LedgerEntry(
-        cycle=row[0],
-        joint_ns=_ns(row[1], row[2]),
-        wrench_ns=tuple(_ns(*used[index : index + 2]) for index in range(0, len(used), _PER_CONTACT)),
-        slip_ns=tuple(_ns(*used[index + 2 : index + 4]) for index in range(0, len(used), _PER_CONTACT)),
-        now_ns=_ns(decision[0], decision[1]),
-        mode=decision[2],
-        health=decision[3],
-        request=decision[4],
-        taken=row[-1] if len(row) > behind + _DECISION else 0,
-    )
-
-
-def _ns(seconds: int, nanoseconds: int) -> int:
-    return seconds * 1_000_000_000 + nanoseconds
-
-
-def _joints(series: Series, order: JointOrder) -> dict[int, JointSample]:
-    stamps = series.stamps.tolist()
-    columns = [_in_order(series, field, order) for field in ("position", "velocity", "effort")]
-    samples = zip(stamps, *columns, strict=True)
-    return {stamp: JointSample(stamp, position, velocity, effort) for stamp, position, velocity, effort in samples}
+        raise InputError("a ledger entry", got=got, expected=str(behind + 6))
+    pairs = zip(row[1 : behind + 2 : 2], row[2 : behind + 2 : 2], strict=True)
+    times = [seconds * NS_PER_S + rest for seconds, rest in pairs]
+    joint, *used, now = times
+    return LedgerEntry(row[0], joint, tuple(used[::2]), tuple(used[1::2]), now, *row[behind + 2 :])
 
 
 def _in_order(series: Series, field: str, order: JointOrder) -> list[NDArray[np.float64]]:
     """Return one array per message in the controller's joint order; an empty field stays empty."""
-    names = series["name"]
-    rows = []
-    for index in range(series.count):
-        values = np.asarray(series[field][index], dtype=np.float64)
-        rows.append(readonly(values[order.indices(names[index])] if len(values) else values))
-    return rows
+    names, rows = series["name"], (np.asarray(row, dtype=np.float64) for row in series[field])
+    return [readonly(row[order.indices(name)] if len(row) else row) for name, row in zip(names, rows, strict=True)]
+
+
+def _joints(series: Series, order: JointOrder) -> dict[int, JointSample]:
+    columns = (_in_order(series, field, order) for field in ("position", "velocity", "effort"))
+    return {row[0]: JointSample(*row) for row in zip(series.stamps.tolist(), *columns, strict=True)}
+
+
+def _samples(bag: Bag, topic: str, make: Callable[[int, Any], Sample], *fields: str) -> dict[int, Sample]:
+    """Return what is made of a stamp and a row of numbers, by its stamp."""
+    series = _complete(bag, topic)
+    rows = series[fields[0]] if fields[0] in series else series.columns(*fields)
+    found = zip(series.stamps.tolist(), rows, strict=True)
+    return {stamp: make(stamp, readonly(np.array(row, dtype=np.float64))) for stamp, row in found}
 
 
 def _wrenches(bag: Bag, topic: str, params: ControllerNodeParams) -> dict[int, WrenchSample]:
     if params.wrench.source == "none":
         return {}
-    series = _complete(bag, topic)
-    rows = zip(series.stamps.tolist(), series.columns("wrench.force", "wrench.torque"), strict=True)
-    return {stamp: WrenchSample(stamp, row) for stamp, row in rows}
+    return _samples(bag, topic, WrenchSample, "wrench.force", "wrench.torque")
 
 
 def _slips(bag: Bag, prefix: str, params: ControllerNodeParams) -> dict[int, SlipSample]:
     """Return the slip velocities that the controller has, or made of displacements or flags."""
     if params.slip_input == "displacement":
-        series, made = _complete(bag, f"{prefix}slip_displacement"), SlipFromDisplacement()
-        rows = zip(series.stamps.tolist(), series.columns("pose.position", "pose.orientation"), strict=True)
-        found = map(made, (displacement_sample(*row) for row in rows))
+        fields = "pose.position", "pose.orientation"
+        found = map(
+            SlipFromDisplacement(), _samples(bag, f"{prefix}slip_displacement", displacement_sample, *fields).values()
+        )
         return {slip.stamp_ns: slip for slip in found if slip is not None}
     if params.slip_input == "flag":
-        series = _complete(bag, f"{prefix}slip_flag")
-        pairs = zip(series.stamps.tolist(), series["position"], strict=True)
-        return {stamp: slip_flag(stamp, np.asarray(row, dtype=np.float64)) for stamp, row in pairs}
-    series = _complete(bag, f"{prefix}slip_velocity")
-    rows = zip(series.stamps.tolist(), series.columns("twist.linear", "twist.angular"), strict=True)
-    return {stamp: slip_sample(stamp, readonly(row)) for stamp, row in rows}
+        return _samples(bag, f"{prefix}slip_flag", slip_flag, "position")
+    return _samples(bag, f"{prefix}slip_velocity", slip_sample, "twist.linear", "twist.angular")
 
 
 def _commands(series: Series, ledger: Series, order: JointOrder, interface: str) -> tuple[NDArray[np.float64], ...]:

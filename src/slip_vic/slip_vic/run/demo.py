@@ -24,6 +24,7 @@ from slip_vic.run.data import RunData, read_data
 from slip_vic.run.judge import Verdict, judge_incidents, measured
 from slip_vic.run.launcher import Launcher
 from slip_vic.run.metrics import summary_rows
+from slip_vic.run.prepare import prepare
 from slip_vic.run.progress import run_progress
 from slip_vic.run.versions import versions
 from slip_vic.scenarios.scenario import GOVERNED, Law, Scenario, read_parameters
@@ -53,6 +54,7 @@ def run_demo(
     for scenario in loaded.values():
         scenario.check()
     shown = loaded["vic"]
+    prepare()  # Ctrl-C ends it at once, and would leave the folder
     try:
         out.mkdir(parents=True, exist_ok=True)
         kept = tempfile.TemporaryDirectory(prefix=".run.", dir=out)

@@ -9,12 +9,10 @@ from pathlib import Path
 from typing import Any, Final, Literal
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from slip_core.incidents import Incident
-from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.plant import DivergenceError
-from slip_vic.run.data import ArmData, Channel, RunData, read_data
+from slip_vic.run.data import ArmData, RunData, read_data
 from slip_vic.run.in_process import Tick
 from slip_vic.run.metrics import summarise
 from slip_vic.run.track import Track
@@ -31,8 +29,6 @@ LOST_ERROR_M: Final = 1.0
 OF_INCIDENT: Final[Mapping[str, Outcome]] = {
     "lost": "lost", "fault": "fault", "unreachable": "refused", "saturated": "saturated"
 }  # fmt: skip
-SETTLE_S: Final = 0.5
-"""Time at the end over which the internal force counts as steady [s]."""
 _ENDS: Final = ("lost", "fault")
 """Outcomes after which a run has nothing more to show."""
 _MILD: Final = ("ok", "held")
@@ -44,7 +40,7 @@ class Verdict:
     """How a run went.
 
     outcome, reason: see `Outcome`; reason is empty where all is well. arms: the numbers of each arm by its name, as in
-    `summarise` and `share_of_friction`; empty where nothing ran. together: what they do to the object, see there.
+    `summarise`; empty where nothing ran. together: what they do to the object, see there.
     """
 
     outcome: Outcome
@@ -60,47 +56,19 @@ class Verdict:
 def measured(scenario: Scenario, run: RunData, outcome: Outcome, reason: str) -> Verdict:
     """Return the verdict on a run from its data, wherever they are from."""
     found = {name: run.arm(name) for name in scenario.controllers}
-    arms = {name: {**summarise(arm), **share_of_friction(arm, scenario.bridges[name])} for name, arm in found.items()}
+    arms = {name: summarise(arm) for name, arm in found.items()}
     if outcome in _ENDS:
         for numbers in arms.values():
             numbers["arrival_s"] = math.nan
-    return Verdict(outcome, reason, arms, together(scenario, list(found.values()), run.object_pose))
+    return Verdict(outcome, reason, arms, together(list(found.values())))
 
 
-def share_of_friction(arm: ArmData, params: BridgeParams) -> dict[str, float]:
-    """Return the largest share of the friction limit that the load of a pad took: load_peak."""
-    if "wrench" not in arm.channels:
-        return {"load_peak": math.nan}
-    h, radius = arm.channel("wrench").rows, params.friction.torsional_radius
-    load = np.sqrt(h[:, 0] ** 2 + h[:, 1] ** 2 + (h[:, 5] / radius) ** 2)
-    limit = params.friction.mu_s * params.grip.force
-    return {"load_peak": float(load.max() / limit) if limit > 0.0 else math.nan}
-
-
-def together(scenario: Scenario, arms: Sequence[ArmData], object_pose: Channel | None) -> dict[str, float]:
-    """Return what all arms do to the object.
-
-    object_error_m: largest distance of the object from where the path of the first pad has it, but for where it hangs
-    at first. Of several arms also internal_peak_n and internal_steady_n: the largest force with which they work against
-    each other in the slip plane, over the run and in its last half second.
-    """
-    first = arms[0]
-    grasp = next(iter(scenario.controllers.values())).contacts
-    lever = Rotation.from_quat(grasp.orientation_xyzw[:4]).inv().apply(grasp.position[:3])
-    desired = first.law_six("desired")
-    known = np.isfinite(desired).all(axis=1)
-    found = {"object_error_m": math.nan}
-    if known.any() and object_pose is not None:
-        wanted = desired[known, :3] - Rotation.from_rotvec(desired[known, 3:]).apply(lever)
-        apart = object_pose.at(first.channel("law").times[known])[:, :3] - wanted
-        found["object_error_m"] = float(np.linalg.norm(apart - apart[0], axis=1).max())
-    if scenario.several and all("internal" in arm.channels for arm in arms):
-        times = first.channel("slip").times
-        size = np.max([np.linalg.norm(arm.channel("internal").at(times)[:, :2], axis=1) for arm in arms], axis=0)
-        steady = times >= scenario.duration_s - SETTLE_S
-        found["internal_peak_n"] = float(size.max())
-        found["internal_steady_n"] = float(size[steady].max(initial=0.0))
-    return found
+def together(arms: Sequence[ArmData]) -> dict[str, float]:
+    """Return what several arms do to the object: internal_peak_n, the largest force between them in the slip plane."""
+    if not all("internal" in arm.channels for arm in arms):
+        return {}
+    forces = [np.linalg.norm(arm.channel("internal").rows[:, :2], axis=1).max() for arm in arms]
+    return {"internal_peak_n": float(max(forces))}
 
 
 def judge(ticks: Iterable[Tick], track: Track) -> Verdict:

@@ -20,7 +20,6 @@ class Listener(RawSubscription):
 
     def __init__(self, node: Node, name: str, full: str, profile: QoSProfile) -> None:
         super().__init__(node, message_class(TOPICS[name].type), full, profile)
-        self.full = full
         self.newest: Any = None
 
     def take(self) -> list[tuple[int, Any]]:

@@ -30,33 +30,23 @@ def progress(name: str, total: int, done: int, console: Console) -> Iterator[Rep
         name: of what runs.
         total: number of cases.
         done: how many were done before.
-        console: where to; a line now and then, and one at the end, in the place of a bar where it is no terminal.
+        console: where to; a line now and then, and one at the end, instead of a bar where it is no terminal.
     """
     columns = (
         TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn(),
         TextColumn("{task.fields[remark]}"),
     )  # fmt: skip
     with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
-        task = bar.add_task(name, total=total, completed=done, remark="")
-        said_s, said = bar.get_time(), -1.0
-
-        def say() -> None:
-            nonlocal said_s, said
-            now = bar.tasks[0]
-            said_s, said = bar.get_time(), now.completed
-            parts = [f"{name}: {now.completed:.0f} of {total} done", *filter(None, [now.fields["remark"]])]
-            if now.speed and now.time_remaining:
-                parts.insert(1, f"{now.speed:.3g} per second, about {now.time_remaining:.0f} s left")
-            console.print(", ".join(parts), highlight=False, soft_wrap=True)
+        task, said_s = bar.add_task(name, total=total, completed=done, remark=""), bar.get_time()
 
         def report(now: int, remark: str) -> None:
+            nonlocal said_s
             bar.update(task, completed=now, remark=remark)
-            if not console.is_terminal and bar.get_time() >= said_s + EVERY_S:
-                say()
+            if not console.is_terminal and (now == total or bar.get_time() >= said_s + EVERY_S):
+                said_s = bar.get_time()
+                console.print(", ".join(filter(None, (f"{name}: {now} of {total} done", remark))), highlight=False)
 
         yield report
-    if not console.is_terminal and bar.tasks[0].completed != said:
-        say()
 
 
 AddBar = Callable[[str, float], Callable[[float], None]]

@@ -69,11 +69,6 @@ def pad_path(trajectory: TrajectoryParams, points: int = POINTS) -> tuple[Array,
     return times, values
 
 
-def _room(robot: Robot, joints: Array) -> Array:
-    """Return how far joints (k, n) are from the nearer end of their range, (k, n)."""
-    return np.minimum(joints - robot.position_lower, robot.position_upper - joints)
-
-
 def follow(robot: Robot, start: Array, times: Array, path: Array, payload: Array) -> Way:
     """Follow a path, as `pad_path` gives it, from joint positions `start` (n,); payload (3,) [N] {w} hangs at {ee}."""
     position, rotation, _ = robot.frame(start)
@@ -104,15 +99,15 @@ def follow(robot: Robot, start: Array, times: Array, path: Array, payload: Array
         way,
         1.0 if not blocked else len(way) / len(path),
         blocked,
-        _room(robot, way).min(axis=0, initial=math.inf),
+        np.minimum(way - robot.position_lower, robot.position_upper - way).min(axis=0, initial=math.inf),
         sigma,
         (np.abs(steps) / robot.velocity_limit).max(axis=0, initial=0.0),
         load,
     )
 
 
-def check_start(robot: Robot, controller: ControllerParams, bridge: BridgeParams) -> Way:
-    """Look whether the arm can start where a scenario says, and follow its path; return what the path requires.
+def check_start(robot: Robot, controller: ControllerParams, bridge: BridgeParams) -> None:
+    """Check that the arm can start where a scenario says, and follow its path.
 
     Raises:
         InputError: a start beyond a limit or in a singular posture, a path that leaves the arm's reach.
@@ -142,19 +137,3 @@ def check_start(robot: Robot, controller: ControllerParams, bridge: BridgeParams
             expected="a path within its reach",
             fix=fix,
         )
-    return way
-
-
-def near_range_ends(robot: Robot, way: Way, margin: float) -> list[str]:
-    """Return which joints come so near to the end of their range that limit avoidance moves the pad off its path.
-
-    margin: distance [rad, m] at which it begins.
-    """
-    left = _room(robot, way.joints)
-    nearest = zip(robot.joint_names, left.argmin(axis=0), left.min(axis=0), strict=True)
-    return [
-        f"{name} comes to {least:.3f} of the end of its range at {way.times[k]:.2f} s: it is pushed back from "
-        f"{margin:g} on (safety.limits.position_margin), which moves the pad, and the object may slip"
-        for name, k, least in nearest
-        if least < margin
-    ]
