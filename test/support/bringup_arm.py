@@ -17,7 +17,7 @@ from slip_vic.scenarios.scenario import load_scenario
 from slip_vic.setup.bringup.hands import Simulated
 from slip_vic.setup.bringup.heard import BRIDGE, SCALARS, Heard, Status, Track
 from slip_vic.setup.bringup.walk import Verdict, Walk
-from slip_vic_controller.node.goal import GoalInterface
+from slip_vic_controller.node.task_topics import GoalWatch
 from slip_vic_controller.params.node_params import ControllerNodeParams
 from slip_vic_controller.safety.modes import Request
 
@@ -29,13 +29,6 @@ SENSORS = ("ideal", "optical_flow_120", "event_1000", "force_tactile_500", "visi
 DRIVES = ("", "torque_joint", "velocity_500", "velocity_125", "position_250")
 SCENARIOS = ("paper_planar", "vertical_plane", "glass_transport")
 DECIMATION = 10
-
-
-class _Goals(GoalInterface):
-    """What the node would say of goals."""
-
-    def __init__(self, session: Any) -> None:
-        self._session, self._last, self._last_refused = session, (0, 0), 0
 
 
 def _as_they_are(outputs: Any) -> Any:
@@ -77,7 +70,7 @@ class Loop:
         )
         self.params, self.urdf, self.bridge_params = loaded.controller, loaded.urdf, loaded.bridge
         self.loop = ClosedLoop(loaded)
-        self._goals = _Goals(self.loop.session)
+        self._goals = GoalWatch(self.loop.session)
         self.status, self.goal = Status(), ""
         self._given = 0
 

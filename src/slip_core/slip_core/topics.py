@@ -72,7 +72,7 @@ _TABLE = (
     Topic("controller/ledger", "std_msgs/msg/Int64MultiArray", "controller", "per cycle: number, stamps of the samples used; then the controller's clock, mode, faults of the inputs, request"),
     Topic("controller/timing", "sensor_msgs/msg/JointState", "controller", "real time only, per cycle: period, ages, compute time, latency [s]; overruns, missed, stale"),
     Topic("bridge/timing", "sensor_msgs/msg/JointState", "bridge", "real time only, per tick: period, lateness, state-to-command latency [s]; fresh share, overruns, real-time factor", common=True),
-    Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "controller", "status and reason of the law and of the mode, in real time also of the timing, about once a second", depth=100, common=True),
+    Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "controller", "mode and reason, in real time also the timing, about once a second", depth=100, common=True),
     Topic("controller/mode", "std_msgs/msg/String", "controller", "WAITING_INPUT, HOLD, ACTIVE, DEGRADED or FAULT, and the reason; sent where it changes", latched=True),
     Topic("controller/goal", "std_msgs/msg/String", "controller", "what becomes of goals and joint trajectories: moves, reached, or refused and why; sent where it changes, where `trajectory.kind` is goal or topic", latched=True, common=True),
     Topic("controller/reference_used", "trajectory_msgs/msg/MultiDOFJointTrajectory", "controller", "every reference or goal that the controller took, as it came: the ledger counts them, so that a bag replays", common=True),

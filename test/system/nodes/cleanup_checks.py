@@ -15,7 +15,7 @@ from sensor_msgs.msg import JointState
 
 from slip_vic.scenarios.scenario import NODES, load_scenario, ros_parameter_file
 from slip_vic_controller.node.controller_node import SlipVicController
-from slip_vic_controller.node.mode import RequestServices
+from slip_vic_controller.node.task_topics import TaskTopics
 
 
 @pytest.fixture
@@ -58,7 +58,7 @@ def test_failed_transition_leaves_nothing(controller: SlipVicController, monkeyp
     clean_up(controller)
     before = endpoints(controller)
     with monkeypatch.context() as changed:
-        changed.setattr(RequestServices, "__init__", None)
+        changed.setattr(TaskTopics, "__init__", None)
         assert controller.trigger_configure() == TransitionCallbackReturn.ERROR
     assert endpoints(controller) == before
     assert controller.trigger_configure() == TransitionCallbackReturn.SUCCESS

@@ -64,4 +64,4 @@ def test_timing_belongs_to_ticks(bag: Path) -> None:
     fresh = [value.position[pacing.SCALARS.index("fresh")] for value in ticks]
     share = ticks[-1].position[pacing.SCALARS.index("fresh_share")]
     assert share == pytest.approx(np.mean(fresh), abs=1e-12)
-    assert names == {f"slip_vic_controller: {part}" for part in ("law", "mode", "timing")}
+    assert names == {f"slip_vic_controller: {part}" for part in ("mode", "timing")}

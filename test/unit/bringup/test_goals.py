@@ -16,19 +16,12 @@ from slip_vic.replay.run_data import read_run
 from slip_vic.replay.verify import verify_run
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load_scenario
-from slip_vic_controller.node.goal import GoalInterface
+from slip_vic_controller.node.task_topics import GoalWatch
 from slip_vic_controller.safety.modes import Mode, Request
 from test.support.run_maker import goal_message, record_run
 
 HELD_M = 1e-7
 PAPER = np.array([0.4, 0.3, 0.0]), np.array([0.0, 0.0, 0.8]), 2.0
-
-
-class Listener(GoalInterface):
-    """What the node would say of goals."""
-
-    def __init__(self, session) -> None:
-        self._session, self._last, self._last_refused = session, (0, 0), 0
 
 
 class Run:
@@ -40,7 +33,7 @@ class Run:
             assignments=("controller.trajectory.kind=goal", f"bridge.duration_s={seconds}", *assignments),
         )  # fmt: skip
         self.loop = loop = ClosedLoop(loaded)
-        listener, self.lines, self.references, self.slip_m, self.load = Listener(loop.session), [], [], 0.0, 0.0
+        listener, self.lines, self.references, self.slip_m, self.load = GoalWatch(loop.session), [], [], 0.0, 0.0
         for tick in range(round(1000 * seconds)):
             outputs = loop.observe()
             if tick in at:

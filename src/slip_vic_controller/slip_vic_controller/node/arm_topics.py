@@ -8,22 +8,23 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from rclpy.clock import Clock, ClockType
 
 from slip_core.arms import prefix_of
 from slip_core.arrays import Array
 from slip_core.topics import contact_topic
-from slip_core.types import DisplacementSample, JointSample, SlipSample, WrenchSample
+from slip_core.types import JointSample, WrenchSample
 from slip_msgs_py.fast_io import Refusals, create_receiver, create_sender
 from slip_msgs_py.messages import forms, from_msgs
 from slip_msgs_py.node_shell import NodePart
-from slip_vic_controller.node.mode import ModeInterface
-from slip_vic_controller.node.publishing import DiagnosticsPublisher, StatusPublisher, TimingPublisher
+from slip_vic_controller.node.report import ArmReport
 from slip_vic_controller.params.node_params import ControllerNodeParams
 from slip_vic_controller.session.arm_session import ArmSession
 from slip_vic_controller.session.cycle_result import NO_NUMBERS, CycleResult
 
 STATE_DEPTH = {True: 100, False: 1}  # lockstep loses nothing; in real time only the newest state matters
 SLIP_DEPTH = 100  # every sample counts for the observer
+PUBLISHERS_PERIOD_S = 0.02  # so long a foreign command may go unseen; a look takes some 30 us
 
 
 class ArmTopics:
@@ -64,30 +65,21 @@ class ArmTopics:
         )
         numbers = 3 + 4 * contacts + 5 + self.arm.controller.external
         self._send_ledger = create_sender(part, "controller/ledger", forms.whole_numbers(numbers))
-        own = StatusPublisher(status, arm.controller.robot.name, arm.name)
-        decimation = self.params.diagnostics.decimation
-        self._diagnostics = DiagnosticsPublisher(part, decimation, own, arm.estimated_joints)
-        self._timing = None if self._lockstep else TimingPublisher(part, self.params, own)
+        self.report = ArmReport(part, params, arm, refusals, status)
         self.inputs = self._create_inputs()
-        self._mode = ModeInterface(part, arm, refusals, own)
-        self._mode.watch(self._send_command.publisher.topic_name, self.inputs)
+        part.create_timer(PUBLISHERS_PERIOD_S, self._look_for_publishers, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._look_for_publishers()
 
     @property
     def publishers(self) -> list[tuple[Any, int]]:
         """Publishers, and how many subscribers each must have before the node is ready."""
         recorders = self.params.expected_subscribers - 1
-        published = (*self._diagnostics.publishers, *(self._timing.publishers if self._timing else ()))
         return [
             (self._send_command.publisher, self.params.expected_subscribers),
             (self._send_ledger.publisher, recorders),
             *([(self._send_grip.publisher, self.params.expected_subscribers)] if self._send_grip else []),
-            *((publisher, recorders) for publisher in published),
+            *((publisher, recorders) for publisher in self.report.publishers),
         ]
-
-    @property
-    def missed(self) -> int:
-        """Joint states that were never answered; in real time."""
-        return self._timing.missed if self._timing is not None else 0
 
     def say_no_command(self) -> None:
         """Say once that there is no command any more: to a velocity drive, which continues with its last one, zero."""
@@ -115,15 +107,12 @@ class ArmTopics:
         fields = {"position": joint.position, "velocity": joint.velocity, "effort": result.effort}
         fields[self._interface] = numbers
         self._send(joint.stamp_ns, fields["position"], fields["velocity"], fields["effort"], numbers)
-        if self._timing is not None:
-            self._timing.publish(began_ns, result.ledger)
+        self.report.time(result, began_ns)
 
     def tell(self, result: CycleResult) -> None:
         """Publish what no cycle waits for."""
         self._send_ledger.send(result.joint.stamp_ns, (*result.ledger, *result.decision))
-        self._mode.publish(result)
-        if len(result.numbers):
-            self._diagnostics.publish(result)
+        self.report.publish(result)
 
     def _create_inputs(self) -> list[Any]:
         depth = STATE_DEPTH[self._lockstep]
@@ -138,11 +127,11 @@ class ArmTopics:
         learn: Any = partial(from_msgs.joint_samples, order=order)
         inputs = [receive("joint_states", fields, learn, self._on_joint_state, depth=depth)]
         for contact in range(1 if self.arm.name else self.arm.contacts):
-            wrench = ("wrench", "wrench", self._in_frame(WrenchSample, contact), self._on_wrench, depth)
+            wrench = ("wrench", "wrench", self._in_frame(WrenchSample, contact), self.arm.add_wrench, depth)
             wrenches = (wrench,) if self.params.wrench.source == "sensor" else ()
-            for name, field, learn, deliver, keep in (*wrenches, (*self._slip_input(contact), SLIP_DEPTH)):
-                actual = contact_topic(name, contact)
-                inputs.append(receive(name, (field,), learn, partial(deliver, contact), depth=keep, actual_name=actual))
+            for name, field, learn, add, keep in (*wrenches, (*self._slip_input(contact), SLIP_DEPTH)):
+                take, actual = partial(self._on_sample, add, contact), contact_topic(name, contact)
+                inputs.append(receive(name, (field,), learn, take, depth=keep, actual_name=actual))
         return inputs
 
     def _in_frame(self, make: Any, contact: int = -1) -> Any:
@@ -151,12 +140,25 @@ class ArmTopics:
         return partial(from_msgs.in_frame, frame=frame or self.params.ee_frame, make=make)
 
     def _slip_input(self, contact: int) -> tuple[str, str, Any, Any]:
-        """Return topic, field, reader and callback of what the slip sensor says."""
+        """Return topic, field, reader and taker of what the slip sensor says."""
         if self.params.slip_input == "displacement":
-            return "slip_displacement", "pose", lambda _: from_msgs.displacement_sample, self._on_displacement
+            return "slip_displacement", "pose", lambda _: from_msgs.displacement_sample, self.arm.add_displacement
         if self.params.slip_input == "flag":
-            return "slip_flag", "position", from_msgs.flag_samples, self._on_slip
-        return "slip_velocity", "twist", self._in_frame(from_msgs.slip_sample), self._on_slip
+            return "slip_flag", "position", from_msgs.flag_samples, self.arm.add_slip
+        return "slip_velocity", "twist", self._in_frame(from_msgs.slip_sample), self.arm.add_slip
+
+    def _look_for_publishers(self) -> None:
+        # Counting is quick; who they are takes a good part of a control period, and matters for two only.
+        inputs = {item.topic_name: self._owners(item.topic_name, item.get_publisher_count()) for item in self.inputs}
+        # Whoever is on our command topic is foreign, also under our name: a process that starts sees no ghosts.
+        self.arm.set_publishers(inputs, self._node.count_publishers(self._send_command.publisher.topic_name))
+
+    def _owners(self, topic: str, publishers: int) -> int:
+        """Return how many differently named nodes publish; a killed node's ghost lives on in discovery for a while."""
+        if publishers < 2:
+            return publishers
+        infos = self._node.get_publishers_info_by_topic(topic)
+        return len({(info.node_namespace, info.node_name) for info in infos})
 
     # -- callbacks ---------------------------------------------------------------------------------
 
@@ -164,18 +166,8 @@ class ArmTopics:
         self.arm.add_joint(sample, self._now_ns())
         self._cycle()
 
-    def _on_wrench(self, contact: int, sample: WrenchSample) -> None:
-        self.arm.add_wrench(contact, sample, self._now_ns())
-        if self._lockstep:
-            self._cycle()
-
-    def _on_slip(self, contact: int, sample: SlipSample) -> None:
-        self.arm.add_slip(contact, sample, self._now_ns())
-        if self._lockstep:
-            self._cycle()
-
-    def _on_displacement(self, contact: int, sample: DisplacementSample) -> None:
-        self.arm.add_displacement(contact, sample, self._now_ns())
+    def _on_sample(self, add: Callable[[int, Any, int | None], None], contact: int, sample: Any) -> None:
+        add(contact, sample, self._now_ns())
         if self._lockstep:
             self._cycle()
 

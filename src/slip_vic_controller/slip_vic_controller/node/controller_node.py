@@ -34,7 +34,6 @@ from slip_msgs_py.qos import create_publisher
 from slip_msgs_py.realtime import set_up_interpreter
 from slip_msgs_py.ros_params import OWN_TIME, allow_changes, declare_arms
 from slip_vic_controller.node.arm_topics import STATE_DEPTH, ArmTopics
-from slip_vic_controller.node.mode import RequestServices
 from slip_vic_controller.node.task_topics import TaskTopics
 from slip_vic_controller.params.node_params import ControllerNodeParams
 from slip_vic_controller.session.controller import Controller
@@ -223,7 +222,6 @@ class SlipVicController(GuardedNode, LifecycleNode):
             )  # fmt: skip
         else:
             self.create_timer(WATCHDOG_S, self._on_watchdog, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        RequestServices(self, self.session)
         publishers = [*self._task.publishers, *(item for arm in self._arms for item in arm.publishers)]
         self._peers = EndpointMatching(self, publishers=publishers, subscriptions=inputs)
 
@@ -303,7 +301,7 @@ class SlipVicController(GuardedNode, LifecycleNode):
             return
         if self.session.active:
             self._say_no_command()
-        missed = sum(arm.missed for arm in self._arms)
+        missed = sum(arm.report.missed for arm in self._arms)
         emit("done", cycles=self.session.arms[0].cycles, missed=missed, memory_mib=memory_mib())
 
 

@@ -1,48 +1,100 @@
-"""Topics of what all arms do together: references, joint trajectories or goals in, what becomes of them out."""
+"""Topics and services of what all arms do together: references, joint trajectories or goals in, answers out."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from std_srvs.srv import Trigger
+
 from slip_core.errors import InputError
 from slip_msgs_py.fast_io import Refusals
-from slip_msgs_py.messages import from_msgs
+from slip_msgs_py.messages import from_msgs, to_msgs
 from slip_msgs_py.qos import create_publisher, create_subscription
 from slip_vic_controller.config import governed_stream
-from slip_vic_controller.node.goal import GoalInterface
+from slip_vic_controller.node.report import GO_ON
 from slip_vic_controller.params.node_params import ControllerNodeParams
+from slip_vic_controller.path.goals import GoalPhase, Refusal
+from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.session.cycle_result import CycleResult
 from slip_vic_controller.session.session import ControllerSession
 
 if TYPE_CHECKING:
-    from slip_vic_controller.node.joint_trajectory import JointTrajectoryInput
+    from slip_vic_controller.path.joint_path import JointFeed
 
-REFERENCE_DEPTH = 10
+DEPTH = 10
+AHEAD, SAMPLES = 2.0, 12
+"""Previews of the governor that wait of a joint trajectory at most, and references in each."""
+MOST_POINTS = 2000
+_PHASES = {
+    GoalPhase.STOPS: "waits until the pad is at rest on the path that it is on",
+    GoalPhase.PLANS: "is planned",
+    GoalPhase.MOVES: "moves",
+    GoalPhase.REACHED: "reached",
+}
+
+
+def refusal_text(goal: Any) -> str:
+    """Return why the last refused goal was refused; GOAL."""
+    why, value, limit = Refusal(int(goal.refusal)), float(goal.value), float(goal.limit)
+    if why == Refusal.TOO_HEAVY:
+        load = f"holding the weight needs {value:.3f} N, friction can carry {limit:.3f} N"
+        return f"friction cannot carry the object where its path is at {float(goal.where):.3f} s: {load}"
+    if why == Refusal.TOO_FAR:
+        return f"it is {value:.4g} m away, at most {limit:g} are taken: check unit and frame"
+    if why in (Refusal.TOO_FAST, Refusal.TURNS_TOO_FAST):
+        unit = "m/s" if why == Refusal.TOO_FAST else "rad/s"
+        return f"it needs {value:.2f} {unit}, the limit is {limit:.2f}: allow more time"
+    return "the law is not at work, see controller/mode"
+
+
+class GoalWatch:
+    """Says what becomes of goals, where it changes."""
+
+    def __init__(self, session: ControllerSession) -> None:
+        self._session, self._last, self._last_refused = session, (0, 0), 0
+
+    def changes(self) -> list[str]:
+        """Return one line for each thing that has changed since the last call."""
+        goal, lines = self._session.task.goal, []
+        if goal.refused != self._last_refused:
+            self._last_refused = int(goal.refused)
+            lines.append(f"goal {self._last_refused} refused: {refusal_text(goal)}")
+        now = int(goal.received if goal.phase == GoalPhase.STOPS else goal.number), int(goal.phase)
+        if now != self._last and goal.phase != GoalPhase.RESTS:
+            lines.append(f"goal {now[0]} {_PHASES[GoalPhase(now[1])]}")
+        self._last = now
+        return lines
 
 
 class TaskTopics:
-    """References or goals of the pad of a single arm; of several arms those of the object's centre of mass.
+    """What the pad of a single arm is asked for; of several arms the object's centre of mass.
 
     Args:
-        node: owner of the topics.
+        node: owner of topics and services.
         params: of the first arm.
-        session: what takes references and goals.
+        session: what takes references, goals and requests.
         refusals: messages that could not be read, for the report.
     """
 
     def __init__(self, node: Any, params: ControllerNodeParams, session: ControllerSession, refusals: Refusals) -> None:
         self._params, self._session, self._refusals = params, session, refusals
-        self._goals: GoalInterface | None = None
-        self._trajectories: JointTrajectoryInput | None = None
+        self._last: CycleResult | None = None
+        self._feed: JointFeed | None = None
+        self._goals = GoalWatch(session)
         self._used = create_publisher(node, "controller/reference_used") if session.controller.external else None
+        taken: dict[str, Any] = {}
         if session.reference_from_topic:
-            create_subscription(node, "reference", self._on_reference, depth=REFERENCE_DEPTH, reliable=False)
+            taken["reference"] = self._on_reference
             if len(session.arms) == 1:
-                from slip_vic_controller.node.joint_trajectory import JointTrajectoryInput  # splines: 14 MiB
-
-                self._trajectories = JointTrajectoryInput(node, params, session, refusals, self._on_reference)
+                taken["joint_trajectory"] = self._on_trajectory
         elif session.controller.external:
-            self._goals = GoalInterface(node, session, refusals, self._used, params.trajectory.duration_s)
+            taken["goal"] = self._on_goal
+        for name, callback in taken.items():
+            create_subscription(node, name, callback, depth=DEPTH, reliable=False)
+        self._answers = None if taken.keys() <= {"reference"} else create_publisher(node, "controller/goal")
+        for request in (Request.ENABLE, Request.HOLD, Request.RESET_FAULT, Request.TARE):
+            name = f"~/{request.name.lower()}"
+            node.create_service(Trigger, name, lambda _, response, r=request: self._on_request(r, response))
 
     @property
     def publishers(self) -> list[tuple[Any, int]]:
@@ -51,10 +103,37 @@ class TaskTopics:
 
     def publish(self, result: CycleResult) -> None:
         """Publish what has changed in this cycle; result: of the first arm that was answered."""
-        if self._trajectories is not None:
-            self._trajectories.publish(result)
-        if self._goals is not None:
-            self._goals.publish()
+        self._last = result
+        if self._feed is not None:
+            self._follow(self._feed, result)
+        if self._params.trajectory.kind == "goal":
+            for line in self._goals.changes():
+                self._say(line)
+
+    def _say(self, line: str) -> None:
+        if self._answers is not None:
+            self._answers.publish(to_msgs.string(line))
+
+    # -- services ----------------------------------------------------------------------------------
+
+    def _on_request(self, request: Request, response: Any) -> Any:
+        arms = self._session.arms
+        faulty = next((arm for arm in arms if arm.mode == Mode.FAULT), None)
+        response.success = False
+        if not self._session.active:
+            response.message = "not active"
+        elif faulty is not None and request != Request.RESET_FAULT:
+            response.message = f"in FAULT: {faulty.reason}{GO_ON}"
+        elif request == Request.TARE and any(arm.mode.follows for arm in arms):
+            response.message = "the law is at work: call ~/hold first"
+        elif request == Request.TARE and not all(arm.controller.params.tare.duration_s for arm in arms):
+            response.message = "tare.duration_s is 0: sensors are used as they are"
+        else:
+            self._session.request(request)
+            response.success, response.message = True, f"{request.name.lower()}: decided in the next cycle"
+        return response
+
+    # -- references --------------------------------------------------------------------------------
 
     def _on_reference(self, message: Any) -> None:
         assert self._used is not None
@@ -65,3 +144,55 @@ class TaskTopics:
             self._refusals.add("reference", error)
             return
         self._used.publish(message)
+
+    # -- goals -------------------------------------------------------------------------------------
+
+    def _on_goal(self, message: Any) -> None:
+        assert self._used is not None
+        try:
+            goal = from_msgs.pose_goal(message, self._params.trajectory.duration_s)
+        except InputError as error:
+            self._refusals.add("goal", error)
+            self._say(f"goal refused: {error}")
+            return
+        self._used.publish(message)
+        self._session.set_goal(goal)
+
+    # -- joint trajectories of one arm, followed as references of the pad --------------------------
+
+    def _on_trajectory(self, message: Any) -> None:
+        try:
+            self._feed = self._taken(message)
+        except InputError as error:
+            self._refusals.add("joint_trajectory", error)
+            self._say(f"trajectory refused: {error}")
+            return
+        self._say(f"trajectory of {len(message.points)} points, {self._feed.path.duration:.3f} s, moves")
+
+    def _taken(self, message: Any) -> JointFeed:
+        from slip_vic_controller.path.joint_path import JointFeed, JointPath, Points, checked  # splines: 14 MiB
+
+        last, what, robot = self._last, "joint_trajectory", self._session.controller.first.robot
+        if last is None or not last.mode.follows:
+            mode = last.mode.name if last else "no joint state"
+            raise InputError(what, got=mode, expected="the law at work, see controller/mode")
+        if self._feed is not None:
+            raise InputError(what, got="another while one moves", expected="one at a time; ~/hold ends it")
+        if len(message.points) > MOST_POINTS:
+            raise InputError(what, got=f"{len(message.points)} points", expected=f"{MOST_POINTS} at most")
+        path = JointPath(checked(Points(*from_msgs.joint_trajectory(message)), what), robot)
+        path.check_motion(last.joint.position, robot.velocity_limit)
+        preview_s = self._params.governor.preview_s if governed_stream(self._params) else 0.0
+        return JointFeed(path, last.joint.stamp_ns, preview_s / SAMPLES, AHEAD * preview_s)
+
+    def _follow(self, feed: JointFeed, result: CycleResult) -> None:
+        """Give the reference that is due after a cycle."""
+        governor = result.record.governor
+        if not result.mode.follows:
+            self._feed = None
+            self._say(f"trajectory ends on the way: {result.mode.name}, {result.reason}")
+        elif (reference := feed.next(result.joint.stamp_ns, float(governor.stream_waits))) is not None:
+            self._on_reference(to_msgs.reference(reference))
+        elif feed.ended and governor.stream_waits == 0.0:
+            self._feed = None
+            self._say("trajectory reached")
