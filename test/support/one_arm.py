@@ -33,6 +33,10 @@ class OneArm:
     def buffer(self) -> Any:
         return self.session.buffer
 
+    @property
+    def task(self) -> Any:
+        return self.session.task
+
     def add_manifest(self, manifest: Manifest) -> None:
         self.session.add_manifest(manifest)
 
@@ -67,9 +71,3 @@ class OneArm:
         (result,) = self.session.answer(now_ns)
         assert result is not None
         return result
-
-    def snapshot(self) -> Any:
-        return self.session.snapshot()
-
-    def restore(self, state: Any) -> None:
-        self.session.restore(state)

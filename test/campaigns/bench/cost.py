@@ -66,7 +66,7 @@ def stretch(scenario: Scenario, ticks: int = SETTLE_TICKS) -> Stretch:
     for _ in range(ticks):
         loop.bridge.advance([loop.control(loop.observe()).command])
     session = ControllerSession(one_arm(scenario.controller, scenario.urdf, lockstep=False))
-    session.restore(loop.session.buffer)
+    session.buffer[:] = loop.session.buffer
     for _ in range(STRETCH):
         outputs = loop.observe()
         inputs.append(outputs.arms[0])

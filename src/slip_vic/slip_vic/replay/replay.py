@@ -149,10 +149,9 @@ class _Arm:
 
     def watchdog(self, entry: LedgerEntry) -> CycleResult | None:
         """Run the cycle of the watchdog where the entry is of one: no joint state, so no input takes part."""
-        newest = self._arm.newest_joint
-        if Health.from_code(entry.health).joint != Reason.SILENT or not self._arm.begun or newest is None:
+        if Health.from_code(entry.health).joint != Reason.SILENT or not self._arm.begun:
             return None
-        return self._arm.without_joint_state(newest, entry.now_ns)[0]
+        return self._arm.without_joint_state(entry.now_ns)[0]
 
 
 def _find(entry: LedgerEntry, samples: Mapping[int, Sample], stamp_ns: int, topic: str) -> Sample:

@@ -122,10 +122,18 @@ class ArmReport:
             line = f"{mode.name}: {reason}" if reason else mode.name
             self._mode.publish(to_msgs.string(line))
             if self._last is None or mode != self._last[0]:  # another reason for the same mode is on the topic alone
-                log = self._node.get_logger()
-                {OK: log.info, WARN: log.warning, ERROR: log.error}[LEVELS[mode]](of_arm + line)
+                self._log(LEVELS[mode], of_arm + line)
         self._last = now
         self._publish_status(stamp_ns, "mode", *self._mode_status(result, reason))
+
+    def _log(self, level: int, line: str) -> None:
+        log = self._node.get_logger()
+        if level == OK:  # rclpy takes one severity of each line of code
+            log.info(line)
+        elif level == WARN:
+            log.warning(line)
+        else:
+            log.error(line)
 
     def _mode_status(self, result: CycleResult, reason: str) -> tuple[int, str, dict[str, object]]:
         """Return level, text and values of a cycle for /diagnostics."""

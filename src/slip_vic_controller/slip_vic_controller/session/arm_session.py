@@ -16,6 +16,7 @@ from slip_vic_controller.arm.config import with_measured_noise
 from slip_vic_controller.config import renew_config, use_noise
 from slip_vic_controller.contact.layouts import ROW_SIZE
 from slip_vic_controller.contact.slip_displacement import SlipFromDisplacement
+from slip_vic_controller.cycle.cycle import ANSWERED, CHANGED, watchdog
 from slip_vic_controller.law.gains import LAW_GAINS, RAMP, make_ramp, sample_gains
 from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.safety.conditions import SAMPLE_FAULTS, Missing, Reason, describe
@@ -42,7 +43,6 @@ from slip_vic_controller.state import (
     TASK_SIZE,
     ArmState,
     Step,
-    TaskState,
 )
 
 if TYPE_CHECKING:  # the session over all arms makes this one, and each calls the other
@@ -112,16 +112,6 @@ class ArmSession:
         return self.controller.robot.joint_names if self._estimates else ()
 
     @property
-    def task(self) -> TaskState:
-        """What is remembered of the object's motion, by name."""
-        return self._session.task
-
-    @property
-    def active(self) -> bool:
-        """Whether efforts are given."""
-        return self._session.active
-
-    @property
     def mode(self) -> Mode:
         """The mode of the last cycle."""
         return _MODES[self._whole.item(_STATE_MODE)]
@@ -186,26 +176,20 @@ class ArmSession:
 
     def add_wrench(self, contact: int, sample: WrenchSample, now_ns: int | None = None) -> None:
         """Take a wrench of one contact; that of the own pad goes to every arm that has a wrench sensor and reads it."""
-        stamp_ns, wrench = sample.stamp_ns, sample.wrench
+        stamp_ns, wrench = sample.stamp_ns, sample.wrench if sample.wrench.shape == (6,) else _NO_VECTOR
         now_ns = stamp_ns if now_ns is None else now_ns
-        refused = wrench.shape != (6,)
-        if refused:
-            wrench = _NO_VECTOR
         for arm, number in self.routes[contact]:
             arm._wrench_counts[number] += 1
             if arm._has_wrench:
-                receive_wrench(arm.config, arm.row, number, stamp_ns, wrench, refused, now_ns)
+                receive_wrench(arm.config, arm.row, number, stamp_ns, wrench, wrench is _NO_VECTOR, now_ns)
 
     def add_slip(self, contact: int, sample: SlipSample, now_ns: int | None = None) -> None:
         """Take a slip velocity of one contact; that of the own pad goes to every arm that reads it."""
-        stamp_ns, twist = sample.stamp_ns, sample.twist
+        stamp_ns, twist = sample.stamp_ns, sample.twist if sample.twist.shape == (6,) else _NO_VECTOR
         now_ns = stamp_ns if now_ns is None else now_ns
-        refused = twist.shape != (6,)
-        if refused:
-            twist = _NO_VECTOR
         for arm, number in self.routes[contact]:
             arm._slip_counts[number] += 1
-            receive_slip(arm.config, arm.row, number, stamp_ns, twist, sample.valid, refused, now_ns)
+            receive_slip(arm.config, arm.row, number, stamp_ns, twist, sample.valid, twist is _NO_VECTOR, now_ns)
 
     def add_displacement(self, contact: int, sample: DisplacementSample, now_ns: int | None = None) -> None:
         """Take where the pad of one contact is on the object; from the second one on it gives slip velocities."""
@@ -358,14 +342,10 @@ class ArmSession:
         On the steady clock, so that it bites when every other clock stops. It repeats until the effort has come down to
         gravity compensation; the bridge's command timeout does the rest.
         """
-        if not self.active or self._lockstep or not self.begun or self.mode == Mode.WAITING_INPUT:
+        if self._lockstep or not self._is_at_work or not self.silent(now_ns):
             return None
-        if not self.silent(now_ns):
-            return None
-        newest = self.newest_joint
-        assert newest is not None  # silent is only an arm that has sent
         before = self._session.buffer.copy()
-        result, changed = self.without_joint_state(newest, now_ns)
+        result, changed = self.without_joint_state(now_ns)
         if not changed:
             self._session.buffer[:] = before
             return None
@@ -379,13 +359,22 @@ class ArmSession:
         """
         self._request = int(Request.FAILED)
         newest = self.newest_joint
-        if not self.active or not self.begun or self.mode == Mode.WAITING_INPUT or newest is None:
+        if not self._is_at_work or newest is None:
             return None
-        return self.without_joint_state(newest, newest.stamp_ns if self._lockstep else now_ns)[0]
+        return self.without_joint_state(newest.stamp_ns if self._lockstep else now_ns)[0]
 
-    def without_joint_state(self, newest: JointSample, now_ns: int) -> tuple[CycleResult, bool]:
-        """Run one cycle of the watchdog; return its result, and whether effort or mode have changed by it."""
-        return self._session.run_watchdog(self, newest, now_ns)
+    @property
+    def _is_at_work(self) -> bool:
+        return self._session.active and self.begun and self.mode != Mode.WAITING_INPUT
+
+    def without_joint_state(self, now_ns: int) -> tuple[CycleResult, bool]:
+        """Run a cycle on the last good joint state; return its result, and whether effort or mode have changed."""
+        exchange, newest = self._session.new_exchange(), self.newest_joint
+        assert newest is not None  # an arm that has begun has sent
+        buffer, request = self._session.buffer, self.take_request()
+        found = watchdog(self._session.config, buffer, exchange, self.index, now_ns, request)
+        exchange.setflags(write=False)
+        return self.result(newest, exchange, bool(found & ANSWERED)), bool(found & CHANGED)
 
     # -- statistics --------------------------------------------------------------------------------
 
@@ -406,16 +395,6 @@ def joint_sample(record: JointRecord, joints: int) -> JointSample:
     """Return a copy of the joint state in a record."""
     position, velocity, effort = (of[:joints].copy() for of in (record.position, record.velocity, record.effort))
     return JointSample(int(record.stamp_ns), position, velocity, effort)
-
-
-def used_history(observer: Any, history: Array) -> Array:
-    """Return the history of an OBSERVER with zeros where it has nothing."""
-    rows = history.reshape(-1, ROW_SIZE).copy()
-    if len(rows):
-        unused = np.ones(len(rows), dtype=bool)
-        unused[(observer.first + np.arange(observer.rows)) % len(rows)] = False
-        rows[unused] = 0.0
-    return rows.reshape(-1)
 
 
 def write_reference(reference: CartesianReference, out: Any) -> None:

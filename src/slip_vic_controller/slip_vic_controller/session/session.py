@@ -16,19 +16,18 @@ from slip_core.errors import InputError
 from slip_core.matrices import product
 from slip_core.params import flatten
 from slip_core.records import record, records
-from slip_core.types import CartesianReference, JointSample, PoseGoal
+from slip_core.types import CartesianReference, PoseGoal
 from slip_vic_controller.config import governed_stream
-from slip_vic_controller.cycle.cycle import ANSWERED, CHANGED, cycle, watchdog
+from slip_vic_controller.cycle.cycle import cycle
 from slip_vic_controller.law.gains import gain_report, make_law_gains
 from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.path.stream import QUEUED
 from slip_vic_controller.safety.modes import Request
-from slip_vic_controller.session.arm_session import ArmSession, used_history, write_reference
+from slip_vic_controller.session.arm_session import ArmSession, write_reference
 from slip_vic_controller.session.controller import Controller
 from slip_vic_controller.session.cycle_result import CycleResult
 from slip_vic_controller.session.manifest import Manifest
 from slip_vic_controller.state import (
-    ARM_SIZE,
     CONFIG,
     CONFIG_SIZE,
     INPUTS_SIZE,
@@ -66,11 +65,10 @@ class ControllerSession:
         self.buffer = controller.new_state()
         self.active = True
         self.task: TaskState = record(self.buffer[:TASK_SIZE], TASK_STATE)
-        self._lockstep, self._config = controller.lockstep, controller.config
+        self._lockstep, self.config = controller.lockstep, controller.config
         self._governed_stream = governed_stream(controller.first.params)
         self._ahead: frozenset[int] = frozenset()  # answered for joint states that other arms have yet to bring
         self.arms = tuple(ArmSession(self, name, k) for k, name in enumerate(controller.names))
-        self._exchange_size = len(self.arms) * (INPUTS_SIZE + OUTPUTS_SIZE)
         self._taring = tuple(arm for arm in self.arms if arm.controller.params.tare.duration_s > 0.0)
         for arm in self.arms:
             arm.routes = tuple(tuple(self._routes(arm.index, contact)) for contact in range(arm.contacts))
@@ -90,15 +88,15 @@ class ControllerSession:
 
     def config_of(self, index: int) -> Array:
         """Return the CONFIG of an arm."""
-        return self._config[index * CONFIG_SIZE :][:CONFIG_SIZE]
+        return self.config[index * CONFIG_SIZE :][:CONFIG_SIZE]
 
     def configure(self, index: int, change: Callable[[ControllerConfig], None]) -> None:
         """Change the CONFIG of an arm; sessions that share the controller keep theirs."""
-        config = self._config.copy()
+        config = self.config.copy()
         change(records(config, CONFIG)[index])
-        if config.tobytes() != self._config.tobytes():
+        if config.tobytes() != self.config.tobytes():
             config.setflags(write=False)
-            self._config = config
+            self.config = config
             for arm in self.arms:
                 arm.config = self.config_of(arm.index)
 
@@ -261,9 +259,9 @@ class ControllerSession:
 
         now_ns: the controller's clock; None takes the stamps of the joint states.
         """
-        exchange = np.zeros(self._exchange_size)
+        exchange = self.new_exchange()
         joints = [arm.prepare(now_ns, exchange) for arm in self.arms]
-        answered = cycle(self._config, self.buffer, exchange)
+        answered = cycle(self.config, self.buffer, exchange)
         for arm in self._taring:
             arm.use_tare()
         exchange.setflags(write=False)
@@ -273,12 +271,9 @@ class ControllerSession:
             results.append(None if joint is None else arm.result(joint, exchange, commands))
         return tuple(results)
 
-    def run_watchdog(self, arm: ArmSession, newest: JointSample, now_ns: int) -> tuple[CycleResult, bool]:
-        """Run one cycle of the watchdog for an arm; return its result, and whether effort or mode have changed."""
-        exchange = np.zeros(self._exchange_size)
-        found = watchdog(self._config, self.buffer, exchange, arm.index, now_ns, arm.take_request())
-        exchange.setflags(write=False)
-        return arm.result(newest, exchange, bool(found & ANSWERED)), bool(found & CHANGED)
+    def new_exchange(self) -> Array:
+        """Return INPUTS and OUTPUTS of all arms for a cycle, zeros."""
+        return np.zeros(len(self.arms) * (INPUTS_SIZE + OUTPUTS_SIZE))
 
     def watchdog(self, now_ns: int) -> Results:
         """Answer arms whose joint states have stayed away for too long, and those that waited for them."""
@@ -289,23 +284,3 @@ class ControllerSession:
     def failed(self, now_ns: int) -> Results:
         """Go to FAULT with all arms because the node has failed; return commands where the law has begun."""
         return tuple(arm.failed(now_ns) for arm in self.arms)
-
-    # -- snapshots ---------------------------------------------------------------------------------
-
-    def snapshot(self) -> Array:
-        """Return all with which the next cycle begins; its bytes are equal where states evolve identically."""
-        begin = TASK_SIZE + len(self.arms) * ARM_SIZE
-        histories = [used_history(arm.state.observer, arm.history) for arm in self.arms]
-        return np.concatenate((self.buffer[:begin], *histories))
-
-    def restore(self, state: Array) -> None:
-        """Continue from a snapshot.
-
-        Raises:
-            InputError: it is of another size.
-        """
-        if state.shape != self.buffer.shape:
-            raise InputError("controller state", got=f"{state.size} numbers", expected=f"{self.buffer.size}")
-        self.buffer[:] = state
-        for arm in self._taring:
-            arm.use_tare()
