@@ -95,17 +95,6 @@ def test_taking_over_changes_nothing_but_the_contact() -> None:
     np.testing.assert_allclose(loose.holding_effort(0, held.position, 0.0, 0.0), alone, atol=1e-8)
 
 
-def test_a_reset_puts_the_object_back_to_the_last_bit() -> None:
-    fresh, used = scene(), scene()
-    used.set_grip_force(0.0)
-    for _ in range(20):
-        used.step(None)
-    used.reset()
-    assert used.loss is None
-    runs = [[s.observe().numbers for _ in Shaker(s, 5).run(50)] for s in (fresh, used)]
-    assert np.array_equal(*map(np.array, runs))
-
-
 def test_the_session_tells_when_in_the_time_of_the_run() -> None:
     session = BridgeSession({"": scenario_params()}, {"": urdf_text()})
     session.start_at(5_000_000_000)
