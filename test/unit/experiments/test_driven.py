@@ -191,7 +191,7 @@ def test_laws_are_found_by_file_and_by_module(tmp_path: Path) -> None:
         "class Mine:\n    needs = frozenset()\n    def reset(self, setup): ...\n    def step(self, s): ...\n"
     )
     found = find_law(f"{file}:Mine")
-    assert (found.label, found.several) == ("Mine", False)
+    assert found.label == "Mine"
     assert find_law("slip_vic.experiments.ours:Vic").kind is find_law("vic").kind
 
 

@@ -175,11 +175,6 @@ class FoundLaw:
         name, mark, change = self.name.partition("?")
         return name.rpartition(":")[2] + mark + change
 
-    @property
-    def several(self) -> bool:
-        """Whether it answers for several arms."""
-        return bool(getattr(self.kind, "several", False))
-
 
 def find_law(name: str) -> FoundLaw:
     """Return a law: a name of `KNOWN`, `module:Class` or `file.py:Class`.

@@ -48,7 +48,7 @@ def suite(law: FoundLaw, count: int, arms: Sequence[int] = tuple(COUNTS)) -> lis
     Their track is free where the law commands the grip.
     """
     track: Track = "free" if "grip" in law.kind.needs else "capped"
-    return [world for n in arms if n == 1 or law.several for world in worlds(track, n, count)]
+    return [world for n in arms if n == 1 or getattr(law.kind, "several", False) for world in worlds(track, n, count)]
 
 
 def read_result(folder: Path) -> list[Row]:

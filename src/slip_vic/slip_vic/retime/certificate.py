@@ -153,8 +153,8 @@ def certified(path: GivenPath, params: ControllerParams, config: Array) -> tuple
     )
 
 
-def arm_shares(robot: Robot, params: ControllerParams, motion: Motion) -> tuple[Array, Array]:
-    """Return the largest shares of velocity and effort limits that a motion of the joints takes; (n,) each.
+def arm_shares(robot: Robot, params: ControllerParams, motion: Motion) -> dict[str, Array]:
+    """Return the largest shares of the limits of velocity and effort that a motion of the joints takes; (n,) each.
 
     tau = B qdd + C qd + g - J^T h_ee, with the wrench h_ee of the object on the robot.
 
@@ -167,5 +167,5 @@ def arm_shares(robot: Robot, params: ControllerParams, motion: Motion) -> tuple[
     for q, qd, qdd, wrench in zip(motion.position, motion.velocity, motion.acceleration, wrenches, strict=True):
         robot.terms(q, qd, buffer)
         efforts.append(arm.M[:n, :n] @ qdd + arm.bias[:n] + arm.J[:, :n].T @ wrench)
-    speed = np.abs(motion.velocity).max(axis=0) / robot.velocity_limit
-    return speed, np.abs(np.array(efforts)).max(axis=0) / robot.effort_limit
+    most = {"velocity": (motion.velocity, robot.velocity_limit), "effort": (np.array(efforts), robot.effort_limit)}
+    return {what: np.abs(rows).max(axis=0) / limit for what, (rows, limit) in most.items()}

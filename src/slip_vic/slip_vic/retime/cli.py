@@ -12,20 +12,16 @@ from slip_vic.options import Choice, choosing, out_option
 @click.command()
 @click.argument("path", type=click.Path(path_type=Path))
 @choosing("scenario", "params", "assignments", "urdf")
-@click.option(
-    "--timing", type=click.Choice(["slow_down", "time_optimal"]), default="slow_down", show_default=True,
-    help="never faster than the path as given, or as fast as friction admits",
-)  # fmt: skip
 @out_option("out/retime", "folder")
-def retime(*, path: Path, choice: Choice, timing: str, out: Path) -> None:
+def retime(*, path: Path, choice: Choice, out: Path) -> None:
     """Give a path the timing that the grasp's friction admits, for any controller to follow.
 
-    PATH is a CSV file with one column per joint [rad] or the pad's pose: x, y, z [m], qx, qy, qz, qw, and a column
-    `time` [s], which --timing time_optimal does not need. Arm, object, grip and friction are those of the scenario.
-    Written are a smooth path through the points with its new timing, and a certificate: load, and largest distance from
-    the straight lines between the points. A pose given twice is a wait, and stays one.
+    PATH is a CSV file with one column per joint [rad] or the pad's pose: x, y, z [m], qx, qy, qz, qw. With a column
+    `time` [s] the timing is never faster than given, without as fast as friction admits. Arm, object, grip and friction
+    are those of the scenario. Written are a smooth path through the points with its new timing, and a certificate:
+    load, and largest distance from the straight lines between the points. A pose given twice is a wait, and stays one.
     """
     from slip_vic.retime.command import run_retime
 
-    for line in run_retime(path, choice, out, timing):
+    for line in run_retime(path, choice, out):
         click.echo(line)

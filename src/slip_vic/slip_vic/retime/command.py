@@ -22,28 +22,20 @@ from slip_vic_controller.session.controller import ArmController
 from slip_vic_controller.state import CONFIG
 
 
-def run_retime(source: Path, choice: Choice, out: Path, timing: str) -> Iterator[str]:
+def run_retime(source: Path, choice: Choice, out: Path) -> Iterator[str]:
     """Retime a path and write the results below `out`; yield what there is to say, a line each.
 
     Args:
         source: CSV file.
         choice: the scenario whose arm, object, grip and friction count.
         out: folder.
-        timing: slow_down or time_optimal.
 
     Raises:
         InputError: a path that is none, or that friction cannot carry.
     """
     given = read_points(source)
     timed = len(given.times) > 0
-    if not timed and timing == "slow_down":
-        raise InputError(
-            f"path {source}",
-            got="no column `time`",
-            expected="times for --timing slow_down",
-            fix="--timing time_optimal",
-        )
-    params, controller = governed(choice.load(), timing)
+    params, controller = governed(choice.load(), "slow_down" if timed else "time_optimal")
     parts, config = sections(given, params.governor.torsional_radius), governor_config(controller)
     paths: list[GivenPath] = [
         PadPath(part.points) if given.of_pad else JointPath(part.points, controller.robot) for part in parts
@@ -55,24 +47,23 @@ def run_retime(source: Path, choice: Choice, out: Path, timing: str) -> Iterator
     data = output.certificate_data(
         certificate, motion, float(given.times[-1]) if timed else None, deviation(ordered, motion.position)
     )
+    shares: dict[str, Array] = {}
     out.mkdir(parents=True, exist_ok=True)
     output.write_csv(out / "trajectory.csv", paths[0].names, motion)
     if not given.of_pad:
         output.write_goal(out / "follow_joint_trajectory.yaml", paths[0].names, motion)
-        speeds, efforts = arm_shares(controller.robot, params, motion)
-        data |= {"peak_velocity_share": float(speeds.max()), "peak_effort_share": float(efforts.max())}
+        shares = arm_shares(controller.robot, params, motion)
+        data |= {f"peak_{what}_share": float(share.max()) for what, share in shares.items()}
     (out / "certificate.json").write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
     as_given = f"; the path as given takes {given.times[-1]:.3f} s" if timed else ""
     yield f"arrival {data['arrival_s']:.3f} s{as_given}"
     unit, scale = ("mm", 1e3) if given.of_pad else ("rad", 1.0)
     yield f"at most {scale * data['deviation']:.3g} {unit} from the straight lines between the points"
     yield f"load at most {100.0 * certificate.peak_share:.2f} % of the friction, at {data['peak_at_s']:.3f} s"
-    for what in ("velocity", "effort"):
-        share = data.get(f"peak_{what}_share", 0.0)
-        if share > 1.0:
-            joints = speeds if what == "velocity" else efforts
-            name = controller.robot.joint_names[int(joints.argmax())]
-            yield f"warning: {name} would need {100.0 * share:.0f} % of its {what} limit"
+    for what, share in shares.items():
+        if share.max() > 1.0:
+            name = controller.robot.joint_names[int(share.argmax())]
+            yield f"warning: {name} would need {100.0 * share.max():.0f} % of its {what} limit"
     yield f"written: {out}"
 
 
