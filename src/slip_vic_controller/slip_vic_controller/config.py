@@ -32,8 +32,7 @@ from slip_vic_controller.path.paths import PATH, make_path
 from slip_vic_controller.safety.conditions import Reason
 from slip_vic_controller.safety.drop_detection import FALLS_WITHIN_S
 from slip_vic_controller.safety.effort_limiter import LONGEST_STEP_S, RESTART_AFTER_S
-from slip_vic_controller.safety.hold import LEAST_LOAD, LOAD_S, HoldConfig
-from slip_vic_controller.safety.limit_avoidance import BRAKE_SHARE, BRAKED_FROM, TRIP_SHARE
+from slip_vic_controller.safety.hold import LEAST_LOAD, HoldConfig
 from slip_vic_controller.safety.validation import (
     ACCEPT_AFTER,
     CLOCK_JUMP_S,
@@ -221,7 +220,6 @@ def _fill_limits(config: ControllerConfig, params: ControllerParams, robot: Robo
     copy_fields(motion, limits)
     motion.near_lower[:n], motion.near_upper[:n] = robot.position_lower + margin, robot.position_upper - margin
     motion.margin, motion.velocity[:n] = margin, velocity
-    motion.brake_from[:n], motion.trip[:n] = velocity * BRAKE_SHARE, velocity * TRIP_SHARE
     drive.effort[:n], drive.rate = robot.effort_limit, limits.effort_rate
     drive.period_ns = config.cycle.period_ns
     drive.longest_step_ns = max(seconds_to_ns(LONGEST_STEP_S), config.cycle.period_ns)  # a control period is no pause
@@ -238,7 +236,6 @@ def _fill_hold(hold: HoldConfig, params: ControllerParams) -> None:
     stiffness, share = params.safety.hold_stiffness, 1.0 / hold.carriers
     slower = min(1.0, HOLD_PERIOD_S / params.control_period_s)
     hold.stiffness, hold.damping = slower * slower * stiffness, slower * 2.0 * math.sqrt(stiffness)
-    hold.load_s = LOAD_S
     hold.least_load = LEAST_LOAD if share == 1.0 else 0.0  # several arms also feel what they press on each other
     hold.mass = share * params.object.mass
     hold.inertia[:] = share * inertia_from_six(params.object.inertia, "parameter object.inertia")
@@ -252,7 +249,7 @@ def _fill_paths(config: ControllerConfig, params: ControllerParams) -> None:
     stream.spacing_s = params.governor.preview_s / SAMPLES_AHEAD
     goals.on = int(params.trajectory.kind == "goal")
     if params.governor.mode == "off":  # the governor slows down what is too fast; without it such a goal is refused
-        goals.most_speed, goals.most_turning = BRAKED_FROM * limits.speed_linear, BRAKED_FROM * limits.speed_angular
+        goals.most_speed, goals.most_turning = limits.speed_linear, limits.speed_angular
 
 
 def _fill_governor(governor: GovernorConfig, params: ControllerParams) -> None:
@@ -267,7 +264,7 @@ def _fill_governor(governor: GovernorConfig, params: ControllerParams) -> None:
     governor.weights[:3], governor.weights[3:] = governor.slip_axes[:3], governor.slip_axes[3:] / governor.radius
     governor.gravity[:] = params.gravity
     governor.duration, governor.length, governor.floor = path.duration_s, PATH_LENGTH_M, PATH_FLOOR_M_S
-    governor.most_speed, governor.most_turning = BRAKED_FROM * limits.speed_linear, BRAKED_FROM * limits.speed_angular
+    governor.most_speed, governor.most_turning = limits.speed_linear, limits.speed_angular
     governor.most_grip = params.grip.force_limit / params.grip.nominal_force if params.grip.control == "follow" else 1.0
     governor.window = min(max(1, round(given.window_s / params.control_period_s)), MAX_WINDOW)
     # Several arms without a common path pull the object apart, and no way is left to brake in.

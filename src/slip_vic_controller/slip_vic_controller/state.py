@@ -29,7 +29,6 @@ from slip_vic_controller.path.stream import Stream, StreamConfig
 from slip_vic_controller.safety.conditions import REASONS, Condition, ConditionsConfig, Health, WhyRecord
 from slip_vic_controller.safety.drop_detection import DropDetectionConfig, ObservedMotion
 from slip_vic_controller.safety.effort_limiter import EffortLimiter
-from slip_vic_controller.safety.following import Following
 from slip_vic_controller.safety.hold import Hold, HoldConfig
 from slip_vic_controller.safety.latency import Latency, SlipLatency
 from slip_vic_controller.safety.limit_avoidance import MotionLimits
@@ -165,7 +164,6 @@ class ArmState(Record):
     estimate: JointEstimate
     motion: MotionCommand  # where the drives take velocities or positions
     tare: Tare
-    following: Following
 
 
 ARM_STATE = dtype_of(ArmState)

@@ -40,7 +40,7 @@ def test_a_fault_and_a_path_that_is_refused_are_told() -> None:
     assert 0.1 < fault.time_s < 0.3
     (refused,) = told("vertical_plane", "controller.governor.margin=0.95", "bridge.duration_s=0.3", kind="governed")
     assert refused.kind == "unreachable"
-    assert "where the path is at 0.800 s" in refused.text
+    assert "at 800 ms of the path" in refused.text
 
 
 def seen(*rows: tuple[float, Mode, int]) -> list[tuple[str, float]]:

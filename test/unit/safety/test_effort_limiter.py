@@ -111,41 +111,21 @@ GRAVITY = np.array([7.0, 8.0, 5e-4])
 @pytest.mark.parametrize(
     ("measured", "gravity", "expected"),
     [
-        (np.array([5.0, 1.0, 0.0]), GRAVITY, [5.0, 1.0, 0.0]),
-        (np.array([500.0, 1.0, -1.0]), GRAVITY, [87.0, 1.0, -1e-3]),
+        (np.array([5.0, 9.0, 4e-4]), GRAVITY, [5.0, 9.0, 4e-4]),
+        (np.array([500.0, 1.0, -1.0]), GRAVITY, [24.4, 5.6, 3e-4]),  # a fifth of the limit off gravity: currents
         (np.array([np.nan, 1.0, 0.0]), GRAVITY, GRAVITY),
         (np.zeros(3), GRAVITY, GRAVITY),
-        (np.zeros(3), 100.0 * GRAVITY, LIMIT),
-        (np.full(3, np.inf), np.array([1.0, np.nan, 2.0]), np.zeros(3)),
-        (np.array([5.0, 1.0, 0.0]), np.full(3, np.nan), [5.0, 1.0, 0.0]),
+        (np.zeros(3), 100.0 * GRAVITY, [87.0, 12.0, 1e-3]),
     ],
 )
 def test_start_at_measured_effort_or_gravity(measured, gravity, expected) -> None:
     limiter = Limiter()
     limiter.record.started = 0
     assert call(needs_restart, LIMITS, limiter.buffer, 0)
-    moving = np.array([0.0, 0.06, 0.0])
-    call(start_limiter, LIMITS, limiter.buffer, N, measured, gravity, moving, np.zeros(N), 10**9)
-    np.testing.assert_array_equal(limiter.effort, expected)
+    call(start_limiter, LIMITS, limiter.buffer, N, measured, gravity, 10**9)
+    np.testing.assert_allclose(limiter.effort, expected, rtol=0.0, atol=ROUNDING)
     assert call(largest_step, LIMITS, limiter.buffer, 10**9) == pytest.approx(1000.0 * 0.004)  # one control period
     assert limiter.record.started == 1
-
-
-@pytest.mark.parametrize("joint", [0, 1, 2])
-def test_implausible_start_effort_is_refused(joint: int) -> None:
-    """Drivers that publish currents, or another sign: the first command threw such an arm to 2 to 7 rad/s."""
-    for beyond, friction, speed, plausible in (
-        (0.19, 0.0, 0.0, True), (0.21, 0.0, 0.0, False), (-0.21, 0.0, 0.0, False), (0.21, 0.0, 0.06, True),
-        (0.21, 0.0, -0.04, False), (0.25, 0.04, 0.0, True), (0.3, 0.04, 0.0, False),
-    ):  # fmt: skip
-        limiter, measured = Limiter(), GRAVITY.copy()
-        limiter.record.started = 0
-        limit = LIMIT[joint]
-        measured[joint] += beyond * limit
-        qd, held = np.full(N, speed), np.full(N, friction * limit)
-        call(start_limiter, LIMITS, limiter.buffer, N, measured, GRAVITY, qd, held, 10**9)
-        expected = np.clip(measured if plausible else GRAVITY, -LIMIT, LIMIT)
-        np.testing.assert_array_equal(limiter.effort, expected)
 
 
 def test_restart_after_a_pause_only() -> None:

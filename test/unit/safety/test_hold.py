@@ -14,27 +14,24 @@ from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.params.safety_params import SafetyParams
 from slip_vic_controller.safety.hold import (
-    EXCESS,
+    DELAY,
     HOLD,
     HOLD_CONFIG,
-    LEAST_LOAD,
     LOAD_LEVER,
     carry_load,
-    delay_margin,
     gains_for_delay,
     hold_effort,
-    load_error,
+    update_load_error,
 )
 from slip_vic_controller.safety.modes import Mode
 from slip_vic_controller.safety.validation import JOINT_SAMPLE
 from slip_vic_controller.state import CONFIG
 from test.referees.law_referee import S, exponential, two
-from test.support.call import call, flat
+from test.support.call import call
 from test.support.made_up import POSITION, N, law_at_work
 from test.support.one_arm import one_arm
 
 SAFETY = SafetyParams()
-DAMPING = 2.0 * math.sqrt(SAFETY.hold_stiffness)  # critical
 CLOSE = 1e-9  # relative to the largest: products of matrices of size 1 to 100
 
 
@@ -72,7 +69,7 @@ class Random:
             record(buffer, layout) for buffer, layout in zip(self.buffers, (HOLD_CONFIG, HOLD, ARM), strict=True)
         )
         root, inertia_root = rng.standard_normal((n, n)), 0.3 * rng.standard_normal((3, 3))
-        self.config.stiffness, self.config.damping, self.config.load_s = 225.0, 30.0, 0.05
+        self.config.stiffness, self.config.damping = 225.0, 30.0
         self.config.mass, self.config.inertia[:] = 0.7, inertia_root @ inertia_root.T
         self.config.weight[:] = self.config.mass * rng.standard_normal(3) * 9.81
         self.hold.posture[:n], self.hold.load_error[:] = rng.standard_normal(n), rng.standard_normal(6)
@@ -113,7 +110,7 @@ def test_effort_of_hold() -> None:
                 )
 
 
-def test_thrown_joint_rests_where_slow() -> None:
+def test_fast_joint_takes_its_posture_along() -> None:
     """The others go back to the posture in which HOLD began."""
     made_up = law_at_work()
     assert made_up.past_validation(wrench=np.full(6, np.nan)).mode is Mode.HOLD
@@ -122,9 +119,8 @@ def test_thrown_joint_rests_where_slow() -> None:
     velocity = limit * np.array([1.01, -1.01, 0.99, -0.99, 0.0, 1.0, 1.4])
     away = made_up.joint(POSITION + np.linspace(0.1, 0.2, N), velocity)
     assert made_up.past_validation(away, passed_ns=0).mode is Mode.HOLD
-    thrown, returns = np.abs(velocity) > limit, velocity < 0.0
-    np.testing.assert_array_equal(made_up.state.hold.posture[:N], np.where(thrown | returns, away.position, before))
-    assert (thrown | returns).tolist() == [True, True, False, True, False, False, True]
+    fast = np.abs(velocity) > limit
+    np.testing.assert_array_equal(made_up.state.hold.posture[:N], np.where(fast, away.position, before))
 
 
 def test_longest_gap() -> None:
@@ -135,15 +131,25 @@ def test_longest_gap() -> None:
 
 
 def test_load_correction_is_slow_and_bounded() -> None:
-    model, error = np.array([0.0, 0.0, -4.0, 0.1, 0.0, 0.0]), np.zeros(6)
-    measured = model + np.array([0.5, 0.0, 0.3, 0.0, 0.05, 0.0])
-    for _ in range(100):
-        error = flat(call(load_error, error, model, measured, 0.004, 0.1, 0.0))
-    np.testing.assert_allclose(error, (1.0 - math.exp(-4.0)) * (measured - model), atol=1e-12)
-    for weight, most in ((12.0, 12.0), (0.6, LEAST_LOAD)):  # a mass told too small: the object is carried all the same
-        model = np.array([0.0, 0.0, -weight, 0.1, 0.0, 0.0])
-        for _ in range(1000):
-            error = flat(call(load_error, error, model, 1e6 * np.ones(6), 0.004, 0.1, LEAST_LOAD))
+    case = Random(0, 3)
+    config, hold, arm = case.buffers
+    model = object_load(np.array(case.arm.rotation), case.arm.rotation @ case.r_pad, np.array(case.config.weight))
+
+    def seen(measured: np.ndarray, cycles: int) -> np.ndarray:
+        case.hold.load_error[:] = 0.0
+        for _ in range(cycles):
+            call(update_load_error, config, hold, arm, case.r_pad, measured, 0.002)
+        return np.array(case.hold.load_error)
+
+    beyond = np.array([0.5, 0.0, 0.3, 0.0, 0.05, 0.0])
+    np.testing.assert_allclose(seen(model + beyond, 100), (1.0 - math.exp(-4.0)) * beyond, atol=1e-12)
+    weight = float(np.linalg.norm(case.config.weight))
+    for least, most in (
+        (0.0, weight),
+        (3.0 * weight, 3.0 * weight),
+    ):  # a mass told too small: it is carried all the same
+        case.config.least_load = least
+        error = seen(1e6 * np.ones(6), 1000)
         assert np.linalg.norm(error[:3]) == pytest.approx(most)
         assert np.linalg.norm(error[3:]) == pytest.approx(most * LOAD_LEVER)
 
@@ -166,21 +172,21 @@ def response(k: float, d: float, excess: float, delay_s: float) -> float:
     return largest
 
 
-@pytest.mark.parametrize(("k", "d", "excess"), [(225.0, 30.0, 1.0), (225.0, 30.0, 1.5), (400.0, 40.0, 2.0)])
-def test_delay_margin_matches_simulation(k: float, d: float, excess: float) -> None:
-    margin = call(delay_margin, k, d, excess)
-    assert response(k, d, excess, 0.93 * margin) < 0.2
-    assert response(k, d, excess, 1.07 * margin) > 5.0
+@pytest.mark.parametrize("frequency", [15.0, 20.0])
+def test_delay_margin_matches_simulation(frequency: float) -> None:
+    margin = DELAY / frequency
+    assert response(frequency**2, 2.0 * frequency, 1.5, 0.93 * margin) < 0.2
+    assert response(frequency**2, 2.0 * frequency, 1.5, 1.07 * margin) > 5.0
 
 
-@pytest.mark.parametrize("period_s", [0.001, 0.01, 0.02, 0.1])
+@pytest.mark.parametrize("period_s", [0.001, 0.01, 0.02])
 def test_slow_clock_keeps_hold_margin(period_s: float) -> None:
-    scenario = load_scenario("paper_planar", assignments=(f"controller.control_period_s={period_s}",))
+    soft = "controller.gains.stiffness=[1, 1, 1, 1, 1, 1]"
+    scenario = load_scenario("paper_planar", assignments=(f"controller.control_period_s={period_s}", soft))
     hold = record(one_arm(scenario.controller, scenario.urdf, lockstep=True).first.config, CONFIG).hold
     slower = max(1.0, period_s / 0.01)
-    margin = call(delay_margin, SAFETY.hold_stiffness, DAMPING, EXCESS)
-    assert call(delay_margin, hold.stiffness, hold.damping, EXCESS) == pytest.approx(slower * margin)
-    assert hold.stiffness * DAMPING**2 == pytest.approx(hold.damping**2 * SAFETY.hold_stiffness)
+    assert hold.stiffness * slower**2 == pytest.approx(SAFETY.hold_stiffness)
+    assert hold.damping == pytest.approx(2.0 * math.sqrt(hold.stiffness))
 
 
 # -- in the simulation --------------------------------------------------------------------------------

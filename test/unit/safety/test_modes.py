@@ -51,7 +51,7 @@ class ModeState(NamedTuple):
 POLICY = Policy(auto_enable=True, resume_after_ns=100)
 MANUAL = Policy(auto_enable=False, resume_after_ns=100)
 GOOD, MISSING = NOTHING, because(Reason.WAITS, 8)
-FAULTY = Why(Reason.FALLS.value, 0, 0, 0, 0.5, 0.0, -1, 0.0)
+FAULTY = Why(Reason.FALLS.value, 0, 0, 0, 0.5, 0.0)
 BAD, DEGRADED = because(Reason.SLIDES, 0), because(Reason.PATH_WAITS, 0)
 FOUND = (GOOD, BAD, FAULTY, MISSING, DEGRADED)
 H, F = describe(BAD, ()), describe(FAULTY, ())

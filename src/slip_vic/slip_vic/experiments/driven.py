@@ -297,9 +297,8 @@ class _Arm:
         """Return what the effort limiter of the control cycle lets out; (n,) [N m]."""
         limits, n, now_ns = self.config.motion.drive, self.joints, tick.outputs.stamp_ns
         if needs_restart(limits, self.limiter, now_ns):
-            joint, gravity = tick.outputs.arms[k].joint, np.array(tick.results[k].arm.gravity[:n])
-            felt, qd = np.array(joint.effort), np.array(joint.velocity)
-            start_limiter(limits, self.limiter, n, felt, gravity, qd, self.config.estimator.friction, now_ns)
+            felt, gravity = np.array(tick.outputs.arms[k].joint.effort), np.array(tick.results[k].arm.gravity[:n])
+            start_limiter(limits, self.limiter, n, felt, gravity, now_ns)
         clipped, limited = np.zeros(n, np.int64), np.zeros(n, np.int64)
         limit_effort(limits, self.limiter, n, wanted, now_ns, clipped, limited)
         return np.array(self.limiter.effort[:n])

@@ -217,12 +217,12 @@ def rest_acceleration(velocity: float, jerk: float, period: float) -> float:
 @part
 def stop_motion(config: CommandConfig, state: MotionCommand, dt: float, limited: WholeArray) -> bool:
     """Bring the command to rest inside its limits; return whether it was at rest before. dt: since then [s]."""
-    nowhere, moves = np.full(MAX_JOINTS, np.nan), state.velocity[: config.joints].any()
+    nowhere, before = np.full(MAX_JOINTS, np.nan), state.velocity.copy()
     state.expected[:], state.ignored_s[:] = 0.0, 0.0
     if dt <= 0.0:
         return False
-    advance_motion(config, state, nowhere, state.velocity.copy(), dt, limited)
+    advance_motion(config, state, nowhere, before, dt, limited)
     for j in range(config.joints):
-        if abs(state.velocity[j]) <= dt * min(config.jerk[j] * dt, config.acceleration[j]):
+        if abs(before[j]) <= dt * min(config.jerk[j] * dt, config.acceleration[j]):
             state.velocity[j], state.acceleration[j] = 0.0, 0.0
-    return not moves
+    return not before[: config.joints].any()

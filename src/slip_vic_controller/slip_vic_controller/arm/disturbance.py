@@ -19,8 +19,6 @@ NOTICED: Final = 0.3
 parity that contradicts from which a jump may be a wrong measurement."""
 COLLISION_S, DISTURBED_S = 0.01, 0.3
 """Time that a jump must last to be a collision, and that a disturbance may stay beyond its bound [s]."""
-DISTURBED: Final = 0.02
-"""Share of the effort limit from which a disturbance is said beside what went wrong."""
 
 
 @part
@@ -93,25 +91,6 @@ def oppose_disturbance(
             find(state, Finding.COLLISION.value, j, jump, most)
         elif state.beyond_s[j] > DISTURBED_S:
             find(state, Finding.DISTURBED.value, j, effort, bound)
-
-
-@part
-def most_disturbed(config: EstimatorConfig, state: JointEstimate, M: Array, limit: Array) -> tuple[int, float]:
-    """Return the joint whose disturbance is most beside its effort limit, and that disturbance [N m].
-
-    Also where samples are used as they are: then nothing is done against it.
-
-    Args:
-        config, state: of the estimator.
-        M: inertia (n, n) [kg m2].
-        limit: effort limits (n,) [N m].
-    """
-    joint, torque, most = 0, 0.0, -1.0
-    for j in range(config.joints):
-        effort = disturbance(config, state, M, j)
-        if abs(effort) > most * limit[j]:
-            joint, torque, most = j, effort, abs(effort) / limit[j]
-    return joint, torque
 
 
 @part

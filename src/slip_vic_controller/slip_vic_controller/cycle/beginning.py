@@ -41,7 +41,6 @@ def begin_cycle(
         _without_slip(state.law)
         forget(state.observed)
         start_tare(state.tare, NEVER)
-        state.following.since_ns = NEVER
         if lead:
             task.path.scale, task.path.rate = 1.0, 0.0
         start_grip(config.grip, state.grip)

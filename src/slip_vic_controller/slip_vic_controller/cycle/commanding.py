@@ -16,9 +16,9 @@ from slip_vic_controller.governor.plan import Governing
 from slip_vic_controller.law.law import evaluate, scale_acceleration
 from slip_vic_controller.path.path_scaling import scaled
 from slip_vic_controller.path.paths import carried, put_reference, read_reference, reference_at
-from slip_vic_controller.safety.conditions import Reason
+from slip_vic_controller.safety.conditions import NOTHING, Reason, because, see
 from slip_vic_controller.safety.drop_detection import observe_motion
-from slip_vic_controller.safety.following import find_what_keeps, stays_far
+from slip_vic_controller.safety.following import rests_far_off, what_keeps
 from slip_vic_controller.safety.validation import all_finite
 from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs, CycleOutputs, TaskState
 
@@ -39,7 +39,7 @@ def follow(
     axes, law = config.law.contact[0].slip_axes, outputs.law
     observe_motion(config.drop, axes, state.observed, inputs.arm, law, outputs.reference, dt_ns * 1e-9)
     _watch_following(config, state, inputs, outputs)
-    finish(config, state, inputs, outputs, sample.position, sample.velocity, sample.effort, True)
+    finish(config, state, inputs, outputs, sample.position, sample.velocity, True)
 
 
 @part
@@ -102,15 +102,13 @@ def keep_law(config: ControllerConfig, state: ArmState, inputs: CycleInputs, out
 @part
 def _watch_following(config: ControllerConfig, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs) -> None:
     """Look whether the arm moves as commanded; its velocity of now is not that of the commands under way."""
-    following, expected, now_ns = state.following, outputs.reference.twist, inputs.now_ns
-    if config.command.interface == Interface.EFFORT:
-        far = stays_far(following, inputs.arm.twist, expected, outputs.law, now_ns)
-    else:
-        twist = np.empty(6)
+    twist, why = inputs.arm.twist.copy(), NOTHING
+    if config.command.interface != Interface.EFFORT:
         put_twist_of_joints(config, state, inputs, twist)
-        far = stays_far(following, twist, expected, outputs.law, now_ns)
-    if far:
-        h, n, q, effort = np.empty(6), config.law.joints, state.joint.answers.position, state.limiter.effort
+    if rests_far_off(outputs.law, twist):
+        h, n, effort = np.empty(6), config.law.joints, state.limiter.effort
         put_own_wrench(config, state, inputs, h)
         commanded = state.motion.velocity  # zeros with drives that take efforts
-        find_what_keeps(following, config.motion, n, q, inputs.arm, outputs.law, h, effort, commanded)
+        why = what_keeps(n, inputs.arm, outputs.law, h, effort, commanded)
+    kept = why.reason != Reason.NONE
+    see(state.conditions, why if kept else because(Reason.NOT_FOLLOWING.value, 0), kept, inputs.now_ns)

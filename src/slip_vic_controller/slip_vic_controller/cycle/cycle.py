@@ -148,7 +148,7 @@ def watchdog(config_buffer: Array, state_buffer: Array, exchange: Array, arm: in
     if state.limiter.started != 0:
         go_on(config.motion.drive, state.limiter, inputs.now_ns)
         rest = np.zeros(MAX_JOINTS)
-        finish(config, state, inputs, outputs, state.law.position, rest, rest, False)
+        finish(config, state, inputs, outputs, state.law.position, rest, False)
     else:
         leave_to_drives(config, state, inputs)  # as before
     end_cycle(config, task, state, inputs, outputs)

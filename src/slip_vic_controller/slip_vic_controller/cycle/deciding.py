@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from slip_core.compiled import part
-from slip_vic_controller.arm.disturbance import DISTURBED, most_disturbed
 from slip_vic_controller.arm.joint_estimate import clear_findings
 from slip_vic_controller.arm.tare import is_unchecked
 from slip_vic_controller.cycle.beginning import begin_cycle, begin_law
@@ -92,7 +91,7 @@ def _too_heavy(config: ControllerConfig, state: ArmState, inputs: CycleInputs) -
     """
     joint, torque = overloaded_joint(config, state, inputs)
     if joint >= 0:
-        return Why(Reason.TOO_HEAVY.value, 0, 0, joint, torque, config.law.effort_limit[joint], -1, 0.0)
+        return Why(Reason.TOO_HEAVY.value, 0, 0, joint, torque, config.law.effort_limit[joint])
     asked = inputs.request == Request.ENABLE or inputs.request == Request.RESET_FAULT
     refused = state.mode.mode == Mode.WAITING_INPUT and state.mode.reason.reason == Reason.TOO_HEAVY
     return read_why(state.mode.reason) if refused and not asked else NOTHING
@@ -126,7 +125,7 @@ def _count_wrench_as_good(config: ControllerConfig, state: ArmState, inputs: Cyc
     stamp_ns = state.joint.answers.stamp_ns
     for k in range(config.law.contacts):
         own = state.wrench_inputs[k]
-        own.seen, own.known, own.invalid, own.refused, own.ahead = 1, 1, 0, 0, 0
+        own.seen, own.known, own.fault, own.bad = 1, 1, Reason.NONE.value, 0
         own.stamp_ns, own.arrival_ns, own.equal_since_ns = stamp_ns, inputs.now_ns, stamp_ns
 
 
@@ -186,8 +185,6 @@ def _decide(
     decision.reweighed = 1 if reweighed else 0
     freezes = frozen(config.joint, state.joint, now_ns)
     why = judge(config, task, state, outputs.health, freezes, now_ns)
-    if why.reason == Reason.JOINT_TOO_FAST or why.reason == Reason.FALLS:
-        why = _with_disturbance(config, state, inputs, why)
     decision.entered = state.mode.mode
     next_mode(config.modes, state.mode, why, request, now_ns)
     decision.step, decision.request, decision.freezes = Step.ANSWER.value, request, 1 if freezes else 0
@@ -211,12 +208,3 @@ def _rest_before_hold(config: ControllerConfig, state: ArmState, request: int, n
         stopping.since_ns = NEVER
         return Request.HOLD.value
     return Request.NONE.value  # a second request does not stop the path more suddenly
-
-
-@part
-def _with_disturbance(config: ControllerConfig, state: ArmState, inputs: CycleInputs, why: Why) -> Why:
-    """Return a fault with the largest disturbance of a joint, where there is one: it may be behind it."""
-    joint, torque = most_disturbed(config.estimator, state.estimate, inputs.arm.M, config.law.effort_limit)
-    if abs(torque) <= DISTURBED * config.law.effort_limit[joint]:
-        return why
-    return Why(why.reason, why.fault, why.prefix, why.which, why.value, why.limit, joint, abs(torque))

@@ -38,7 +38,6 @@ def finish(
     outputs: CycleOutputs,
     q: Array,
     qd: Array,
-    measured: Array,
     law_at_work: bool,
 ) -> None:
     """Add limit avoidance, pass the effort limiter, and write the outcome.
@@ -46,17 +45,16 @@ def finish(
     Args:
         config, state, inputs, outputs: of the arm; `outputs.wanted` is what goes in.
         q, qd: joint state [rad], [rad/s].
-        measured: measured joint efforts, where a pause makes the limiter restart [N m].
-        law_at_work: whether the effort is the law's; then the pad's speed is limited too.
+        law_at_work: whether the effort is the law's.
     """
     n, now_ns, by_effort = config.law.joints, inputs.now_ns, config.command.interface == Interface.EFFORT
     moves_s = min(_passed_s(config, state, inputs), 1e-9 * config.motion.drive.longest_step_ns)
     if needs_restart(config.motion.drive, state.limiter, now_ns):
         # Loops of the drives overcome friction, which the model does not have: there it begins with gravity.
-        feel, friction = np.zeros(MAX_JOINTS), config.estimator.friction
+        felt = np.zeros(MAX_JOINTS)
         if by_effort:
-            feel[:n] = measured[:n]
-        start_limiter(config.motion.drive, state.limiter, n, feel, state.law.gravity, qd, friction, now_ns)
+            felt[:] = state.joint.answers.effort
+        start_limiter(config.motion.drive, state.limiter, n, felt, state.law.gravity, now_ns)
         known = state.motion.started == 0 or inputs.arm.M[0, 0] > 0.0  # else nothing tells where the drives are by now
         if known and not by_effort:
             _start_motion(config, state, q, qd)
@@ -65,7 +63,7 @@ def finish(
     torque[:n] = outputs.wanted[:n]
     if config.estimator.on != 0 and by_effort:  # what a drive with a loop of its own does not follow is no torque
         _oppose_disturbance(config, state, inputs, torque)
-    avoid_limits(config.motion, n, q, qd, inputs.arm, law_at_work, torque)
+    avoid_limits(config.motion, n, q, qd, inputs.arm.M, torque)
     finite = limit_effort(config.motion.drive, state.limiter, n, torque, now_ns, clipped, outputs.limited)
     if not by_effort:
         _move(config, state, inputs, outputs, moves_s)

@@ -20,7 +20,7 @@ from slip_vic_controller.safety.drop_detection import forget
 from slip_vic_controller.safety.effort_limiter import needs_restart
 from slip_vic_controller.safety.hold import begin_posture, carry_load, hold_effort, keep_posture, update_load_error
 from slip_vic_controller.safety.modes import Mode, Request, follows, holds_for, next_mode
-from slip_vic_controller.safety.validation import all_finite, fine, stays_away
+from slip_vic_controller.safety.validation import all_finite, fine
 from slip_vic_controller.sizes import MAX_JOINTS, NEVER
 from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs, CycleOutputs, Step, TaskState
 
@@ -77,7 +77,7 @@ def hold(
         begin_posture(config.hold, state.hold, sample)
     dt_ns = max(sample.stamp_ns - law.stamp_ns, 0)
     friction, limit = config.estimator.friction, config.motion.velocity
-    keep_posture(config.hold, state.hold, sample, limit, inputs.arm.M, friction, dt_ns * 1e-9)
+    keep_posture(config.hold, state.hold, sample, limit, inputs.arm.M, friction)
     pad = pad_rotation(config.law.contact[0], law.slips[0])
     r = arm_of_load(config, state, pad)
     if wrench_good:
@@ -92,8 +92,8 @@ def hold(
     keep_joints(config, state, inputs)
     task.path.scale, task.path.rate = 0.0, 0.0
     forget(state.observed)
-    state.conditions[Reason.SATURATED].since_ns, state.following.since_ns = NEVER, NEVER
-    finish(config, state, inputs, outputs, sample.position, sample.velocity, sample.effort, False)
+    state.conditions[Reason.SATURATED].since_ns, state.conditions[Reason.NOT_FOLLOWING].since_ns = NEVER, NEVER
+    finish(config, state, inputs, outputs, sample.position, sample.velocity, False)
 
 
 @part
@@ -104,10 +104,8 @@ def _bridge(
 
     Then let it go to gravity compensation, and give no command where the gap is a pause.
     """
-    n, now_ns = config.law.joints, inputs.now_ns
-    # The law has to end where the wrench stays away, whatever the joint states are like.
-    ends = follows(state.mode.mode) and stays_away(outputs.health.wrench)
-    if bridges_gap(config, state, now_ns) and not ends:
+    n, now_ns, rest = config.law.joints, inputs.now_ns, np.zeros(MAX_JOINTS)
+    if bridges_gap(config, state, now_ns):
         # `finish` takes the disturbance off once more.
         outputs.wanted[:n] = state.limiter.effort[:n] - state.estimate.taken_off[:n]
     else:
@@ -117,15 +115,10 @@ def _bridge(
         if is_blind(config.estimator, state.estimate):
             leave_to_drives(config, state, inputs)
             return
-    # A jump of the positions leaves the efforts believable, unless another publisher sends joint states too: after a
-    # pause the limiter starts at what the joints feel. Where nothing tells that, the drives go on as in the pause.
-    rest, measured = np.zeros(MAX_JOINTS), np.zeros(MAX_JOINTS)
-    if fault == Reason.JUMP and outputs.health.outside != Reason.SECOND_PUBLISHER:
-        measured[:] = state.joint.answers.effort
-    elif needs_restart(config.motion.drive, state.limiter, now_ns):
+    if needs_restart(config.motion.drive, state.limiter, now_ns):  # the drives go on as in the pause
         leave_to_drives(config, state, inputs)
         return
-    finish(config, state, inputs, outputs, state.law.position, rest, measured, False)
+    finish(config, state, inputs, outputs, state.law.position, rest, False)
 
 
 @part
@@ -174,4 +167,4 @@ def hold_without_law(
         task.forgets = 1
     task.path.scale, task.path.rate = 0.0, 0.0
     begin_posture(config.hold, state.hold, sample)
-    finish(config, state, inputs, outputs, sample.position, sample.velocity, sample.effort, False)
+    finish(config, state, inputs, outputs, sample.position, sample.velocity, False)

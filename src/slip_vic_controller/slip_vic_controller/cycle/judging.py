@@ -16,7 +16,7 @@ from slip_vic_controller.arm.plausibility import unseen_ns
 from slip_vic_controller.arm.tare import Sensor, moved_joint
 from slip_vic_controller.contact.estimate import SensorHealth
 from slip_vic_controller.safety.conditions import (
-    NOTHING,
+    PAD,
     Health,
     Reason,
     Why,
@@ -30,8 +30,7 @@ from slip_vic_controller.safety.conditions import (
     since_when,
 )
 from slip_vic_controller.safety.drop_detection import doubt_of_fall
-from slip_vic_controller.safety.following import stuck
-from slip_vic_controller.safety.limit_avoidance import TRIP, fast_joint, pushed_joint
+from slip_vic_controller.safety.limit_avoidance import TRIP_SHARE, fast_joint, pushed_joint
 from slip_vic_controller.safety.modes import Mode, follows, holds_for
 from slip_vic_controller.safety.validation import fine, usable
 from slip_vic_controller.sizes import NEVER
@@ -41,8 +40,7 @@ SLIDES_LINEAR, SLIDES_ANGULAR = 0.05, 1.0
 """Slip at which the law does not begin [m/s], [rad/s]."""
 FINDINGS: Final = len(Finding)
 FIRST_FINDING: Final = Reason.VELOCITY.value - Finding.VELOCITY.value
-FIRST_SENSOR: Final = Reason.BIASED_SLIP.value - Sensor.SLIP.value
-"""What makes a `Reason` of a `Finding`, and of a `Sensor`."""
+"""What makes a `Reason` of a `Finding`."""
 
 
 @part
@@ -71,15 +69,15 @@ def find_faults(config: ControllerConfig, state: ArmState, health: Health, q: Ar
     rows, estimate = state.conditions, state.estimate
     _find_speeds(config, state, qd, now_ns)
     for k in range(1, FINDINGS):
-        found = Why(FIRST_FINDING + k, 0, 0, estimate.joint, estimate.value, estimate.limit, -1, 0.0)
+        found = Why(FIRST_FINDING + k, 0, 0, estimate.joint, estimate.value, estimate.limit)
         see(rows, found, estimate.finding == k, now_ns)
     moved = moved_joint(config.tare, state.tare, q)
     j = max(moved, 0)
-    way = Why(Reason.MOVED_IN_TARE.value, 0, 0, j, q[j] - state.tare.watched_from[j], 0.0, -1, 0.0)
+    way = Why(Reason.MOVED_IN_TARE.value, 0, 0, j, q[j] - state.tare.watched_from[j], 0.0)
     see(rows, way, moved >= 0, now_ns)
     # Noise of the joints' velocities can grow to such a slip velocity at rest, between two samples of a camera.
     doubt = doubt_of_fall(state.pad.contact.variance) if config.estimator.on != 0 else 0.0
-    falls = Why(Reason.FALLS.value, 0, 0, 0, state.observed.fall_speed, 0.0, -1, 0.0)
+    falls = Why(Reason.FALLS.value, 0, 0, 0, state.observed.fall_speed, 0.0)
     see(rows, falls, state.observed.fall_speed > config.drop.drop_speed + doubt, now_ns)
     foreign = health.outside == Reason.FOREIGN_COMMAND
     see(rows, of_fault(Reason.EFFORT_COMMAND.value, health.outside), foreign, now_ns)
@@ -88,20 +86,15 @@ def find_faults(config: ControllerConfig, state: ArmState, health: Health, q: Ar
 @part
 def _find_speeds(config: ControllerConfig, state: ArmState, qd: Array, now_ns: int) -> None:
     """Look for a joint or a pad that is too fast: one clock, since what runs away shows in one after another."""
-    rows, motion, twist = state.conditions, config.motion, spatial(state.observed.twist)
-    pad, turns, began_ns = twist.linear.norm(), twist.angular.norm(), NEVER
-    for k in range(Reason.JOINT_TOO_FAST.value, Reason.PAD_TURNS_TOO_FAST.value + 1):
-        began_ns = max(began_ns, rows[k].since_ns)
-        rows[k].since_ns = NEVER
-    found, j = NOTHING, fast_joint(motion, config.law.joints, qd)
-    if j >= 0:
-        found = Why(Reason.JOINT_TOO_FAST.value, 0, 0, j, abs(qd[j]), motion.velocity[j], -1, 0.0)
-    elif pad > TRIP * motion.speed_linear:
-        found = Why(Reason.PAD_TOO_FAST.value, 0, 0, 0, pad, motion.speed_linear, -1, 0.0)
-    elif turns > TRIP * motion.speed_angular:
-        found = Why(Reason.PAD_TURNS_TOO_FAST.value, 0, 0, 0, turns, motion.speed_angular, -1, 0.0)
-    if found.reason != Reason.NONE:
-        see(rows, found, True, now_ns if began_ns == NEVER else began_ns)
+    motion, twist = config.motion, spatial(state.observed.twist)
+    which = fast_joint(motion, config.law.joints, qd)
+    speed, most, turns = twist.linear.norm(), motion.speed_linear, twist.angular.norm()
+    if which != PAD:
+        speed, most = abs(qd[which]), motion.velocity[which]
+    elif turns > TRIP_SHARE * motion.speed_angular:
+        speed, most = turns, motion.speed_angular
+    found = Why(Reason.TOO_FAST.value, 0, 0, which, speed, most)
+    see(state.conditions, found, speed > TRIP_SHARE * most, now_ns)
 
 
 @part
@@ -151,14 +144,15 @@ def find_reasons_to_wait(config: ControllerConfig, task: TaskState, state: ArmSt
     waits = config.tare.duration_ns > 0 and not at_work
     see(rows, because(Reason.TARE.value, 0), waits and tare.done == 0, now_ns)
     biased, inverted = waits and tare.done != 0, tare.sensor == Sensor.MASS and tare.worst < 0.0
-    for k in range(Sensor.SLIP.value, Sensor.MASS.value + 1):
-        bias = Why(FIRST_SENSOR + k, 0, 0, 0, tare.worst, tare.bound, -1, 0.0)
-        see(rows, bias, biased and tare.sensor == k and not inverted, now_ns)
-    bias = Why(Reason.INVERTED_WRENCH.value, 0, 0, 0, tare.worst, tare.bound, -1, 0.0)
+    bias = Why(Reason.BIASED.value, 0, 0, tare.sensor, tare.worst, tare.bound)
+    see(rows, bias, biased and tare.sensor != Sensor.NONE and tare.sensor != Sensor.MASS, now_ns)
+    bias = Why(Reason.WRONG_MASS.value, 0, 0, 0, tare.worst, tare.bound)
+    see(rows, bias, biased and tare.sensor == Sensor.MASS and not inverted, now_ns)
+    bias = Why(Reason.INVERTED_WRENCH.value, 0, 0, 0, tare.worst, tare.bound)
     see(rows, bias, biased and inverted, now_ns)
     heavy = governor.infeasible != 0
     where, carries = round(1e3 * governor.heaviest_time) if heavy else 0, config.governor.path_margin
-    load = Why(Reason.PATH_TOO_HEAVY.value, 0, 0, where, governor.weight_load, carries * governor.plan_load, -1, 0.0)
+    load = Why(Reason.PATH_TOO_HEAVY.value, 0, 0, where, governor.weight_load, carries * governor.plan_load)
     see(rows, load, heavy, now_ns)
     # With the delay of its loop the law would swing instead of catching what already slides fast.
     sliding = slides(config, state) and not at_work and config.conditions.slip_needed != 0
@@ -184,13 +178,9 @@ def slides(config: ControllerConfig, state: ArmState) -> bool:
 @part
 def find_hindrances(config: ControllerConfig, task: TaskState, state: ArmState, q: Array, now_ns: int) -> None:
     """Look for what keeps the law from its path; q: (n,) [rad]."""
-    rows, following, governor, contact = state.conditions, state.following, task.governor, state.pad.contact
-    stays = stuck(following, now_ns)
-    for k in range(Reason.NOT_FOLLOWING.value, Reason.RANGE_END_TURNED.value + 1):
-        kept = Why(k, 0, 0, following.joint, following.value, following.error, -1, 0.0)
-        see(rows, kept, stays and following.cause == k, now_ns)
+    rows, governor, contact = state.conditions, task.governor, state.pad.contact
     health = contact.slip_health
-    nothing = Why(Reason.READS_NOTHING.value, 0, 0, 0, contact.needs, contact.lacks, -1, 0.0)
+    nothing = Why(Reason.READS_NOTHING.value, 0, 0, 0, contact.needs, contact.lacks)
     see(rows, nothing, health == SensorHealth.READS_NOTHING, now_ns)
     see(rows, because(Reason.MISMOUNTED.value, health), health > SensorHealth.READS_NOTHING, now_ns)
     given_up, waits = state.law.given_up.left_s > 0.0, state.observed.path_speed < 1.0 or task.path.scale < 1.0
@@ -200,11 +190,12 @@ def find_hindrances(config: ControllerConfig, task: TaskState, state: ArmState, 
     see(rows, because(Reason.PATH_WAITS.value, 0), waits, now_ns)
     # What keeps the pad from its path there is no slip, and no friction that is too low; nor is it what lasts of that.
     hindered = governor.overrun != 0 or governor.endless != 0 or given_up or waits
+    hindered = hindered or lasted(config.conditions, rows, Reason.NOT_FOLLOWING.value, now_ns)
     pushed, why = pushed_joint(config.motion, config.law.joints, q), read_why(state.mode.reason)
     if pushed >= 0:
-        why = Why(Reason.PUSHED_BACK.value, 0, 0, pushed, q[pushed], 0.0, -1, 0.0)
-    if why.reason != Reason.PUSHED_BACK:
-        hindered, why = False, because(Reason.PUSHED_BACK.value, 0)
+        why = Why(Reason.RANGE_END.value, 0, 0, pushed, q[pushed], 0.0)
+    if why.reason != Reason.RANGE_END:
+        hindered, why = False, because(Reason.RANGE_END.value, 0)
     see(rows, why, hindered, now_ns)
 
 

@@ -82,9 +82,7 @@ def sense(
     slip_unknown: there is no slip sample; an observer continues with the model alone.
     """
     law, sample, samples = state.law, state.joint.answers, outputs.samples
-    dt = (sample.stamp_ns - law.stamp_ns) * 1e-9
-    if dt < 0.0:
-        return Reason.OLD_JOINT_STATE.value
+    dt = max(sample.stamp_ns - law.stamp_ns, 0) * 1e-9
     for k in range(config.law.contacts):
         if state.wrench_modelled != 0:
             samples[k].wrench[:] = state.wrench_of_model[k]

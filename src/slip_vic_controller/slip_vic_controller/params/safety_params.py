@@ -18,10 +18,13 @@ class LimitParams(ParameterModel):
         gt=0.0,
     )
     speed_linear: float = parameter(
-        3.0, "speed of the pad at which it is braked; a third above is a fault", unit="m/s", gt=0.0
+        2.25, "speed of the pad that no goal and no governed path exceeds; half above is a fault", unit="m/s", gt=0.0
     )
     speed_angular: float = parameter(
-        10.0, "angular speed of the pad at which it is braked; a third above is a fault", unit="rad/s", gt=0.0
+        7.5,
+        "angular speed of the pad that no goal and no governed path exceeds; half above is a fault",
+        unit="rad/s",
+        gt=0.0,
     )
     error_linear: float = parameter(
         0.3,

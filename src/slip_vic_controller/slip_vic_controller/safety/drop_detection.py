@@ -12,7 +12,7 @@ import math
 from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Vec3, Vec6, Whole, dtype_of
-from slip_core.vectors import Mat, Vec, mat, vec
+from slip_core.vectors import mat, vec
 from slip_vic_controller.law.arm import Arm
 from slip_vic_controller.law.law import DesiredMotion, Evaluation
 from slip_vic_controller.path.path_scaling import scale_for_error
@@ -60,12 +60,6 @@ def forget(state: ObservedMotion) -> None:
 
 
 @part
-def in_slip_plane(R: Mat, axes: Vec, v: Vec) -> Vec:
-    """Return the part of v {w} in the directions in which the contact can slip; axes 0 or 1 on pad axes."""
-    return R @ (axes * (R.T() @ v))
-
-
-@part
 def observe_motion(
     config: DropDetectionConfig, axes: Array, state: ObservedMotion, arm: Arm, law: Evaluation,
     reference: DesiredMotion, dt: float,
@@ -82,7 +76,8 @@ def observe_motion(
     R, axes_linear = mat(arm.rotation), vec(axes)
     slipping = 1.0 if law.slip_speed > SLIPPING else law.gate
     beyond = vec(arm.twist) - R @ (axes_linear * vec(law.v_s)) - vec(reference.twist)
-    fall = slipping * in_slip_plane(R, axes_linear, vec(config.down)).dot(beyond)
+    down = R @ (axes_linear * (R.T() @ vec(config.down)))  # in the directions in which the contact can slip
+    fall = slipping * down.dot(beyond)
     state.fall_speed = max(0.0, min(fall, state.fall_speed + dt * config.drop_speed / config.memory_s))
     state.path_speed = scale_for_error(law.error_linear, law.error_angular, config.error_linear, config.error_angular)
     v_d, w_d = vec(reference.twist), vec(reference.twist[3:])

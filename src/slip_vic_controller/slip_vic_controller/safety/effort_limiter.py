@@ -6,20 +6,16 @@ By induction: the effort before is finite and inside the limits, so what comes o
 from __future__ import annotations
 
 from slip_core.arrays import Array
-from slip_core.cholesky import LARGEST
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Whole, WholeArray, dtype_of
 from slip_vic_controller.safety.validation import all_finite
 from slip_vic_controller.sizes import Joints
 
-NS = 1e-9
 LONGEST_STEP_S, RESTART_AFTER_S = 0.005, 0.05
 """Time between two commands that the rate limit counts at most, so that a pause allows no jump; and pause after which
 it starts again from the measured effort [s]."""
-RESTS = 0.05
-"""Speed of a joint that rests, with the noise of its encoder [rad/s]."""
 HELD = 0.2
-"""Share of the effort limit by which what holds a resting joint may be off its gravity: an object, a wrong model."""
+"""Share of the effort limit by which the measured effort may be off gravity: an object, friction, a wrong model."""
 
 
 class EffortLimits(Record):
@@ -48,34 +44,21 @@ LIMITER = dtype_of(EffortLimiter)
 
 @part
 def start_limiter(
-    limits: EffortLimits, state: EffortLimiter, n: int, measured: Array, gravity: Array, qd: Array, friction: Array,
-    now_ns: int,
-) -> None:  # fmt: skip
+    limits: EffortLimits, state: EffortLimiter, n: int, measured: Array, gravity: Array, now_ns: int
+) -> None:
     """Set what the first command, or the first after a pause, is limited from; (n,) [N m].
 
-    The measured effort is what the joints feel now. Where there is none (not finite, or all zero, which a driver
-    without torque sensors publishes) it is gravity compensation: a restart makes no torque step. So it is where that
-    cannot be what holds an arm at rest, as of drivers that publish currents. Where gravity is not known either it is
-    the last command. The first step counts one control period. qd: (n,) [rad/s]; friction: of the joints (n,) [N m].
+    The measured effort is what the joints feel now, so a restart makes no torque step; no farther from gravity
+    compensation than HELD, as drivers publish currents, too. Where there is none (not finite, or all zero, which a
+    driver without torque sensors publishes) it is gravity compensation. The first step counts one control period.
     """
-    good = all_finite(gravity[:n])
     known = bool(all_finite(measured[:n]) and measured[:n].any())
-    if known and good:
-        known = not _cannot_hold(limits, n, measured, gravity, qd, friction)
     for j in range(n):
-        start = measured[j] if known else gravity[j] if good else state.effort[j]
-        state.effort[j] = min(max(start, -limits.effort[j]), limits.effort[j])
+        limit, start = limits.effort[j], gravity[j]
+        if known:
+            start = min(max(measured[j], start - HELD * limit), start + HELD * limit)
+        state.effort[j] = min(max(start, -limit), limit)
     state.started, state.now_ns = 1, now_ns - limits.period_ns
-
-
-@part
-def _cannot_hold(limits: EffortLimits, n: int, measured: Array, gravity: Array, qd: Array, friction: Array) -> bool:
-    """Return whether joints rest (n,) [rad/s] that measured efforts would move (n,) [N m]."""
-    rests, holds = True, True
-    for j in range(n):
-        rests = rests and abs(qd[j]) < RESTS
-        holds = holds and abs(measured[j] - gravity[j]) <= HELD * limits.effort[j] + 2.0 * friction[j]
-    return rests and not holds
 
 
 @part
@@ -97,7 +80,7 @@ def largest_step(limits: EffortLimits, state: EffortLimiter, now_ns: int) -> flo
 
     A clock that goes back allows no step.
     """
-    return limits.rate * NS * min(max(now_ns - state.now_ns, 0), limits.longest_step_ns)
+    return limits.rate * 1e-9 * min(max(now_ns - state.now_ns, 0), limits.longest_step_ns)
 
 
 @part
@@ -117,9 +100,7 @@ def limit_effort(
     Returns:
         Whether `wanted` was finite; if not, the last effort goes out again.
     """
-    finite = True
-    for j in range(n):
-        finite = finite and abs(wanted[j]) <= LARGEST
+    finite = all_finite(wanted[:n])
     step = largest_step(limits, state, now_ns)
     for j in range(n):
         limit, before = limits.effort[j], state.effort[j]

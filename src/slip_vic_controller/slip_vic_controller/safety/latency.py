@@ -68,6 +68,12 @@ def measure_latency(state: Latency, now_ns: int, stamp_ns: int, dt_ns: int) -> N
 
 
 @part
+def _fading_most(most: float, seen: float, forgets: float) -> float:
+    """Return the largest value seen, as far as it is not forgotten."""
+    return max(seen, most + forgets * (seen - most))
+
+
+@part
 def measure_slip_latency(state: SlipLatency, now_ns: int, queue: SlipQueue) -> None:
     """Take in the slip samples that came with a cycle: maxima that fade; a late sample does not count as a period."""
     for i in range(queue.count):
@@ -76,13 +82,10 @@ def measure_slip_latency(state: SlipLatency, now_ns: int, queue: SlipQueue) -> N
             continue  # the same one again
         passed_ns = stamp_ns - state.newest_ns if state.known != 0 else 0
         forgets = min(max(passed_ns, 0) * 1e-9 / DECAY_S, 1.0)
-        change = now_ns - stamp_ns - state.latency_ns
-        state.latency_ns += change if change > 0.0 else forgets * change
+        state.latency_ns = _fading_most(state.latency_ns, float(now_ns - stamp_ns), forgets)
         if passed_ns > 0:
-            change = passed_ns - state.period_ns
-            state.period_ns += change if change > 0.0 else forgets * change
-        if state.known == 0 or stamp_ns > state.newest_ns:
-            state.newest_ns = stamp_ns
+            state.period_ns = _fading_most(state.period_ns, float(passed_ns), forgets)
+        state.newest_ns = max(state.newest_ns, stamp_ns) if state.known != 0 else stamp_ns
         state.known = 1
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Protocol
 
 import numpy as np
 
@@ -11,28 +10,15 @@ from slip_core.arrays import Array
 from slip_core.cholesky import cholesky, forward_substitute
 from slip_core.compiled import part
 from slip_core.records import Real, Record, dtype_of
-from slip_core.vectors import ZERO, Spatial, Vec, spatial
-from slip_vic_controller.law.arm import Arm
-from slip_vic_controller.safety.effort_limiter import NS, EffortLimits
+from slip_vic_controller.safety.conditions import PAD
+from slip_vic_controller.safety.effort_limiter import EffortLimits
 from slip_vic_controller.sizes import MAX_JOINTS, Joints
 
-BRAKED_FROM = 0.75
-"""Part of the pad's speed limits from which it is braked."""
-BRAKE_LINEAR, BRAKE_ANGULAR = 100.0, 10.0
-"""[N s/m], [N m s/rad]."""
 BRAKE_LAG_S = 0.020
 """How late efforts may be at work without a braked joint being thrown to the other side [s]; HOLD bears as much."""
 BRAKE_SHARE, TRIP_SHARE = 0.9, 1.5
-"""Shares of the scaled velocity limit at which a joint is braked, and at which it is a fault."""
-TRIP = 4.0 / 3.0
-"""Of the pad's speed limits: a control loop that runs away ends here."""
-
-
-class RangeEnds(Protocol):
-    """Where limit avoidance begins to keep joints from their stops (n,) [rad]."""
-
-    near_lower: Array
-    near_upper: Array
+"""Share of its velocity limit at which a joint is braked, and of its limit at which the speed of a joint or a pad is a
+fault: a control loop that runs away ends here."""
 
 
 class MotionLimits(Record):
@@ -42,8 +28,6 @@ class MotionLimits(Record):
     near_upper: Joints  # rad
     margin: Real  # rad
     velocity: Joints  # rad/s
-    brake_from: Joints  # rad/s
-    trip: Joints  # rad/s
     speed_linear: Real  # m/s; of the pad
     speed_angular: Real  # rad/s; of the pad
     drive: EffortLimits  # what the effort limiter lets pass
@@ -53,7 +37,7 @@ MOTION_LIMITS = dtype_of(MotionLimits)
 
 
 @part
-def pushed_joint(limits: RangeEnds, n: int, q: Array) -> int:
+def pushed_joint(limits: MotionLimits, n: int, q: Array) -> int:
     """Return the joint that is deepest in what its stops keep it from, -1 where none is; q (n,) [rad]."""
     pushed, deepest = -1, 0.0
     for j in range(n):
@@ -71,7 +55,7 @@ def most_brake(drive: EffortLimits, speed: float, inertia: float) -> float:
     takes to bring it down to zero: tau T + tau^2 / (2 rate) = inertia * speed / 2. Half, because another joint may
     brake the same motion. With more a joint that is light for its motor is pushed to and fro without end.
     """
-    T = NS * drive.period_ns + BRAKE_LAG_S
+    T = 1e-9 * drive.period_ns + BRAKE_LAG_S
     return float(drive.rate * (math.sqrt(T * T + inertia * speed / drive.rate) - T))
 
 
@@ -102,68 +86,30 @@ def joint_repulsion(limits: MotionLimits, j: int, q: float, qd: float, inertia: 
     Grows from zero with the square of the depth, to the full effort at the stop, and in proportion from the braking
     velocity on, to the full effort at the velocity limit, or to `most_brake`: continuous, bounded, no gains to tune.
     """
-    speed = abs(qd)
-    if not (q < limits.near_lower[j] or q > limits.near_upper[j] or speed > limits.brake_from[j]):
-        return 0.0
+    speed, from_speed = abs(qd), BRAKE_SHARE * limits.velocity[j]
     low = min(max((limits.near_lower[j] - q) / limits.margin, 0.0), 1.0)
     high = min(max((q - limits.near_upper[j]) / limits.margin, 0.0), 1.0)
-    share = min(max((speed - limits.brake_from[j]) / (limits.velocity[j] - limits.brake_from[j]), 0.0), 1.0)
+    share = min(max((speed - from_speed) / (limits.velocity[j] - from_speed), 0.0), 1.0)
     brake = min(limits.drive.effort[j] * share, most_brake(limits.drive, speed, inertia))
-    sign = 1.0 if qd > 0.0 else -1.0 if qd < 0.0 else 0.0
-    return limits.drive.effort[j] * (low * low - high * high) - sign * brake
+    return limits.drive.effort[j] * (low * low - high * high) - math.copysign(brake, qd)
 
 
 @part
-def _brake(v: Vec, limit: float, damping: float) -> Vec:
-    speed = v.norm()
-    if not speed > BRAKED_FROM * limit:
-        return ZERO
-    return (-damping * (1.0 - BRAKED_FROM * limit / speed)) * v
-
-
-@part
-def pad_brake(limits: MotionLimits, twist: Array) -> Spatial:
-    """Return the wrench that brakes a pad near its speed limits; twist (6,) [m/s, rad/s] {w}: a Cartesian damper."""
-    v = spatial(twist)
-    return Spatial(
-        _brake(v.linear, limits.speed_linear, BRAKE_LINEAR), _brake(v.angular, limits.speed_angular, BRAKE_ANGULAR)
-    )
-
-
-@part
-def avoid_limits(limits: MotionLimits, n: int, q: Array, qd: Array, arm: Arm, braked: bool, torque: Array) -> None:
-    """Add the torques of limit avoidance to `torque` (n,) [N m].
-
-    Args:
-        limits: of the arm.
-        n: number of joints.
-        q, qd: joint state; (n,).
-        arm: its terms; zeros where nothing moves.
-        braked: whether the pad's speed is limited in this cycle.
-        torque: changed.
-    """
-    force = Spatial(ZERO, ZERO)
-    if braked:
-        force = pad_brake(limits, arm.twist)
-    pushed = force.linear.dot(force.linear) + force.angular.dot(force.angular) != 0.0
-    linear, angular = force.linear, force.angular
+def avoid_limits(limits: MotionLimits, n: int, q: Array, qd: Array, M: Array, torque: Array) -> None:
+    """Add the torques of limit avoidance to `torque` (n,) [N m]; q, qd: (n,); M: inertia, zeros where unknown."""
     fast, felt = False, np.zeros(MAX_JOINTS)
     for j in range(n):
-        fast = fast or abs(qd[j]) > limits.brake_from[j]
+        fast = fast or abs(qd[j]) > BRAKE_SHARE * limits.velocity[j]
     if fast:
-        felt_inertias(arm.M, n, felt)
+        felt_inertias(M, n, felt)
     for j in range(n):
         torque[j] = torque[j] + joint_repulsion(limits, j, q[j], qd[j], felt[j])
-        if pushed:
-            torque[j] += arm.J[0, j] * linear.x + arm.J[3, j] * angular.x
-            torque[j] += arm.J[1, j] * linear.y + arm.J[4, j] * angular.y
-            torque[j] += arm.J[2, j] * linear.z + arm.J[5, j] * angular.z
 
 
 @part
 def fast_joint(limits: MotionLimits, n: int, qd: Array) -> int:
-    """Return the first joint that is faster than braking should have allowed, -1 where none is; qd: (n,) [rad/s]."""
+    """Return the first joint that is faster than braking should have allowed, PAD where none is; qd: (n,) [rad/s]."""
     for j in range(n):
-        if abs(qd[j]) > limits.trip[j]:
+        if abs(qd[j]) > TRIP_SHARE * limits.velocity[j]:
             return j
-    return -1
+    return PAD

@@ -40,8 +40,7 @@ def receive_joint_state(
     """
     c, s = record(config, CONFIG), record(state, ARM_STATE)
     one_source, position, velocity = s.outside != Reason.SECOND_PUBLISHER, q.copy(), qd.copy()
-    blind = s.estimate.unmeasured.max() >= c.estimator.sensor_ticks
-    fault = receive_joints(c.joint, s.joint, stamp_ns, position, velocity, effort, refused, now_ns, one_source, blind)
+    fault = receive_joints(c.joint, s.joint, stamp_ns, position, velocity, effort, refused, now_ns, one_source)
     s.estimate.alone = s.joint.without
     if fault == Reason.RESTARTED:
         for k in range(c.law.contacts):

@@ -30,7 +30,7 @@ class IncidentWatch:
             self._waits_ns = None
             return None
         cause = result.reason_key[0]
-        if cause not in (Reason.PATH_WAITS, Reason.PUSHED_BACK):
+        if cause not in (Reason.PATH_WAITS, Reason.RANGE_END):
             self._waits_ns = None
         elif self._waits_ns is None:
             self._waits_ns = now_ns
