@@ -2,6 +2,7 @@
 
 import math
 import re
+import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -90,6 +91,29 @@ def test_a_result_continues_and_is_compared(tmp_path: Path, here: None) -> None:
     assert (tmp_path / "rows.png").stat().st_size > 10_000
 
 
+def test_verify_runs_no_code_that_only_a_result_names(tmp_path: Path, here: None) -> None:
+    file, mark = tmp_path / "mine.py", tmp_path / "imported"
+    file.write_text(
+        f"open({str(mark)!r}, 'w')\nclass Mine:\n    needs = frozenset()\n    def reset(self, s): ...\n"
+        "    def step(self, s): ...\n"
+    )
+    benchmark("run", f"{file}:Mine", "--out", tmp_path / "result", "--worlds", 1)
+    mark.unlink()
+    for name, module in list(sys.modules.items()):
+        if getattr(module, "__file__", None) == str(file):
+            del sys.modules[name]
+    with pytest.raises(InputError, match="--law"):
+        suite.verify_result(tmp_path / "result")
+    assert not mark.exists()
+    assert suite.verify_result(tmp_path / "result", f"{file}:Mine") == (1, [])
+    assert mark.exists()
+    count, wrong = suite.verify_result(tmp_path / "result", "fixed_grip")
+    assert (count, len(wrong)) == (1, 1)
+    assert (
+        CliRunner().invoke(cli, ["benchmark", "verify", str(tmp_path / "result"), "--law", "fixed_grip"]).exit_code == 1
+    )
+
+
 def test_a_result_that_was_changed_or_that_others_do_not_get_is_refused(tmp_path: Path, here: None) -> None:
     """Whoever runs some of its worlds again finds out."""
     theirs, again = tmp_path / "theirs", tmp_path / "again"
@@ -168,6 +192,7 @@ def test_the_steps_of_the_page_work_in_a_folder_of_its_own(
     for command in commands[1].splitlines():
         ended = CliRunner().invoke(cli, command.split()[1:], catch_exceptions=False)
         assert ended.exit_code == 0, f"{command}: {ended.output}"
+    assert "2 worlds ran again, all are equal" in ended.output
     assert Path("out/benchmark/rows.png").is_file()
 
 

@@ -246,3 +246,15 @@ def compare(folders: tuple[Path, ...], out: Path) -> None:
     rows = compared(folders)
     out.mkdir(parents=True, exist_ok=True)
     show(rows, out)
+
+
+@benchmark.command()
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.option("--law", default="", help="of the result, where it is none of this suite: its code runs")
+def verify(folder: Path, law: str) -> None:
+    """Run ten worlds of a result again, drawn by its own digest; exit code 1 where one differs."""
+    from slip_vic.experiments.suite import verify_result
+
+    count, wrong = verify_result(folder, law)
+    click.echo(f"{folder}: {count} worlds ran again, {'they differ' if wrong else 'all are equal'}")
+    end_with(wrong, allowed=False)

@@ -1,4 +1,4 @@
-"""The benchmark: the suite carry-2026.1, a law in its worlds, and results that are compared."""
+"""The benchmark: the suite carry-2026.1, a law in its worlds, and results that are verified and compared."""
 
 from __future__ import annotations
 
@@ -11,10 +11,14 @@ from importlib import resources
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+
 from slip_core.errors import InputError
-from slip_vic.experiments.law import FoundLaw
-from slip_vic.experiments.rows import FILE, Row, digest_of, joined, read_json, read_rows
+from slip_vic.experiments.law import KNOWN, FoundLaw
+from slip_vic.experiments.rows import FILE, Row, Task, digest_of, joined, key_of, read_json, read_rows, row_of
+from slip_vic.experiments.run import run
 from slip_vic.experiments.world import Track, World, frozen_worlds
+from slip_vic.run.prepare import prepare
 from slip_vic.run.versions import versions
 
 SUITE: Final = "carry-2026.1"
@@ -22,6 +26,11 @@ COUNTS: Final = {1: 300, 2: 60}
 """Worlds with so many arms."""
 DIGEST: Final = "8e44fee3abe2ed8c"
 """Of the digests of all worlds."""
+
+
+SAMPLE: Final = 10
+"""Worlds that `verify_result` runs again."""
+TRACKS: Final[tuple[Track, ...]] = ("capped", "free")
 
 
 @functools.cache
@@ -85,3 +94,32 @@ def compared(folders: Sequence[Path]) -> list[Row]:
     if not kept:
         raise InputError("folders", got="no world that all of them have", expected="results of the same worlds")
     return kept
+
+
+def verify_result(folder: Path, given: str = "") -> tuple[int, list[str]]:
+    """Run ten worlds of a result, drawn by the digest of its rows, again; return how many, and those that differ.
+
+    given: the law as the command line names it: a file of results can name any module, and is not followed.
+
+    Raises:
+        InputError: the folder holds no result of one law, or its law is not here or not named.
+    """
+    rows = read_result(folder)
+    law, *others = {row["law"] for row in rows}
+    if others or not (given or law.partition("?")[0] in KNOWN):
+        raise InputError(
+            f"folder {folder}", got=f"the law {', '.join((law, *others))}", expected="one law, of this suite",
+            fix="read the code, then name it: --law LAW",
+        )  # fmt: skip
+    prepare()
+    known = {
+        Task(world, law).key: world
+        for track in TRACKS for arms, count in COUNTS.items() for world in worlds(track, arms, count)
+    }  # fmt: skip
+    drawn = np.random.default_rng(int(digest_of(rows), 16)).permutation(len(rows))[:SAMPLE]
+    wrong = []
+    for row in (rows[k] for k in sorted(drawn)):
+        world = known.get(key_of(row))
+        if world is None or row_of(run(world, given or law)._replace(law=law)) != row:
+            wrong.append(f"{' '.join(key_of(row))} differs")
+    return len(drawn), wrong
