@@ -1,50 +1,16 @@
-"""Measurements over DDS: ping-pong, lockstep, free running; each in processes of its own, started by exec."""
+"""Measurements over DDS: lockstep and free running, in processes of their own."""
 
 from __future__ import annotations
 
-import json
 import shutil
-import signal
-import statistics
-import subprocess
 import tempfile
 from pathlib import Path
 
-from slip_core.errors import ProtocolError
 from slip_msgs_py.realtime import ProcessOptions
-from slip_vic.run.domain import domain_id
 from slip_vic.run.launcher import Launcher, RunResult
-from slip_vic.run.processes import child_environment, python_module
 from slip_vic.scenarios.scenario import Scenario, load_scenario
 
-TIMEOUT_S = 120.0
 SCENARIO = "paper_planar"
-
-
-def round_trip_s(rounds: int) -> float:
-    """Return R0, the mean time of a round trip of `pingpong` [s].
-
-    Raises:
-        ProtocolError: where a side failed, with its last line.
-    """
-
-    def command(side: str) -> list[str]:
-        return python_module("test.campaigns.bench.pingpong", side, str(rounds))
-
-    nothing = subprocess.DEVNULL
-    with domain_id() as domain:
-        environment = child_environment(domain)
-        partner = subprocess.Popen(command("answer"), env=environment, stdout=nothing, stderr=nothing)
-        try:
-            done = subprocess.run(
-                command("ask"), env=environment, capture_output=True, text=True, timeout=TIMEOUT_S, check=False
-            )
-        finally:
-            partner.send_signal(signal.SIGINT)
-            partner.wait(TIMEOUT_S)
-    if done.returncode != 0:
-        raise ProtocolError(f"ping-pong: {(done.stderr.strip().splitlines() or ['no output'])[-1]}")
-    return statistics.fmean(json.loads(done.stdout))
 
 
 def lockstep_scenario(duration_s: float) -> Scenario:

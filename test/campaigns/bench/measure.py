@@ -19,17 +19,16 @@ Say = Callable[[str], None]
 
 
 class Effort(NamedTuple):
-    """How long to measure: rounds, round trips and lockstep time per round, and seconds of each free run."""
+    """How long to measure: rounds, lockstep time, ticks and turns of each, and seconds of each free run."""
 
     rounds: int = 5
-    round_trips: int = 1500
     lockstep_s: float = 1.5
     loop_ticks: int = 1500
     turns: int = 600
     free_s: float = 10.0
 
 
-QUICK = Effort(rounds=2, round_trips=300, lockstep_s=0.3, loop_ticks=200, turns=60, free_s=1.0)
+QUICK = Effort(rounds=2, lockstep_s=0.3, loop_ticks=200, turns=60, free_s=1.0)
 
 
 class Metric(NamedTuple):
@@ -51,12 +50,10 @@ METRICS: Final = (
     Metric("estimator_ratio", "control step, estimator", _GOVERNED, note="with / without joint state estimator"),
     Metric("velocity_ratio", "control step, velocity", _GOVERNED, note="commands of velocities / efforts"),
     Metric("supervised_loop_real_time_factor", "supervised loop", "", "x", "simulator, sensors, whole cycle"),
-    Metric("lockstep_ratio", "r0", "lockstep", note="R0 round trip / lockstep tick, two processes"),
     Metric("recorder_ratio", "lockstep, recorded", "lockstep", note="lockstep tick with / without recorder"),
     Metric("pinocchio_terms_us", _BARE, unit="us", scale=1e6),
     Metric("control_step_us", "control step", unit="us", scale=1e6),
     Metric("control_step_governed_us", _GOVERNED, unit="us", scale=1e6),
-    Metric("r0_us", "r0", unit="us", scale=1e6),
     Metric("lockstep_tick_us", "lockstep", unit="us", scale=1e6),
 )
 
@@ -101,7 +98,6 @@ def _rounds(effort: Effort, say: Say) -> pd.DataFrame:
         "control step, velocity": cost.stretch(cost.governed_scenario("velocity_500")),
     }
     measures: Mapping[str, Callable[[], float]] = {
-        "r0": lambda: dds.round_trip_s(effort.round_trips),
         "lockstep": lambda: dds.lockstep_tick_s(scenario),
         "lockstep, recorded": lambda: dds.lockstep_tick_s(scenario, record=True),
         "supervised loop": lambda: cost.supervised_loop_factor(vic, effort.loop_ticks),

@@ -23,9 +23,9 @@ def test_ratios_within_a_round() -> None:
     rounds = pd.DataFrame({name: (2.0 + k) * speed for k, name in enumerate(NAMES)})
     found = measure.over_rounds(rounds)
     assert list(found.index) == [metric.name for metric in measure.METRICS]
-    ratio = (2.0 + NAMES.index("r0")) / (2.0 + NAMES.index("lockstep"))
-    np.testing.assert_allclose(found.loc["lockstep_ratio"], ratio)
-    np.testing.assert_allclose(found.loc["r0_us"], 1e6 * (2.0 + NAMES.index("r0")) * np.array([1.0, 0.2, 5.0]))
+    tick = 2.0 + NAMES.index("lockstep")
+    np.testing.assert_allclose(found.loc["recorder_ratio"], (2.0 + NAMES.index("lockstep, recorded")) / tick)
+    np.testing.assert_allclose(found.loc["lockstep_tick_us"], 1e6 * tick * np.array([1.0, 0.2, 5.0]))
 
 
 @given(st.lists(st.text(min_size=1), min_size=1, max_size=8, unique=True), st.integers(0, 20))
