@@ -25,7 +25,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from slip_vic.run.node_command import node_command
+from slip_vic.run.commands import node_command
 from slip_vic.run.processes import python_module
 from test.campaigns.attacks.flood import FOREIGN, message
 from test.campaigns.faults.plan import BRIDGE, CONTROLLER

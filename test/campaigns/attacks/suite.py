@@ -23,8 +23,8 @@ from slip_core.errors import ProtocolError
 from slip_core.stamps import stamp_to_ns
 from slip_msgs_py.environment import choose_transport
 from slip_msgs_py.qos import create_subscription
+from slip_vic.run.commands import node_command
 from slip_vic.run.domain import domain_id
-from slip_vic.run.node_command import node_command
 from slip_vic.run.prepare import prepare
 from slip_vic.run.processes import Child, ProcessGroup, child_environment
 from slip_vic.scenarios.scenario import Scenario

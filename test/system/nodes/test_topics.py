@@ -12,7 +12,7 @@ import pytest
 
 from slip_bags.reader import Bag
 from slip_core.stamps import stamp_to_ns
-from slip_vic.run.recording import recorded_topics
+from slip_vic.run.commands import recorded_topics
 from test.support.ros import Processes, wait_until
 from test.system.conftest import Recording
 

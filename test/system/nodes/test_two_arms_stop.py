@@ -15,11 +15,10 @@ import pytest
 from slip_bags.reader import Bag
 from slip_vic.replay.run_data import read_run
 from slip_vic.replay.verify import verify_run
+from slip_vic.run.commands import node_command, recorder_command
 from slip_vic.run.judge import Verdict, judge_bag
-from slip_vic.run.node_command import node_command
 from slip_vic.run.prepare import prepare
 from slip_vic.run.processes import Child
-from slip_vic.run.recording import recorder_command
 from slip_vic.scenarios.scenario import Scenario, load_scenario
 from slip_vic_controller.safety.modes import Mode
 from test.support.ros import Processes, call_service, wait_until

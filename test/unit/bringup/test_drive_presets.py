@@ -17,17 +17,6 @@ NAMES = preset_names("drives")
 KNOWN = {info.name for info in parameter_infos(ControllerNodeParams)}
 
 
-def test_the_names_are_those_of_the_page() -> None:
-    assert set(NAMES) == {"ideal", "torque_joint", "motor_current", "velocity_500", "velocity_125", "position_250"}
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_every_preset_says_what_it_is_and_where_its_numbers_are_from(name: str) -> None:
-    preset = load_drive(name)
-    assert preset.description.endswith(".")
-    assert name == "ideal" or "assumed" in preset.sources
-
-
 def test_ideal_drives_are_the_defaults() -> None:
     assert load_scenario("paper_planar", drive="ideal") == load_scenario("paper_planar")
 

@@ -12,7 +12,7 @@ import pytest
 from slip_bags.reader import Bag
 from slip_bags.series import Series
 from slip_core.topics import TOPICS
-from slip_vic.run.recording import recorded_topics
+from slip_vic.run.commands import recorded_topics
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.law.symbols import published
 from slip_vic_controller.state import GOVERNED

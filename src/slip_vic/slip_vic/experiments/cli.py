@@ -164,7 +164,6 @@ def check(*, choice: Choice, mismatches: tuple[str, ...]) -> None:
 
     loaded = choice.load()
     report = gains(loaded)
-    loaded.check_arm()
     for line in gain_lines(report):
         click.echo(line)
     if not report.hold:

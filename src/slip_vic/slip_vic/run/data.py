@@ -37,7 +37,6 @@ COMMAND_TOPICS: Final = tuple(f"{interface}_command" for interface in INTERFACES
 MEASURED_SLIP: Final = ("slip_velocity", "twist.linear", "twist.angular")
 """Of a bag without the truth."""
 FACTS: Final = ("scenario", "seed", "git_revision")
-_HALF_NS: Final = 5e-10
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,11 +45,6 @@ class Channel:
 
     times: Array
     rows: Array
-
-    def at(self, times: Array) -> Array:
-        """Return the newest row at each time; before the first one that."""
-        places = np.searchsorted(self.times, times + _HALF_NS, side="right") - 1
-        return self.rows[np.maximum(places, 0)]
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -109,14 +108,9 @@ class ClosedLoop:
         return result
 
 
-def run_in_process(scenario: Scenario, late_ticks: int = 0) -> Iterator[Tick]:
-    """Run a scenario in lockstep and yield every tick, until its duration is over.
-
-    late_ticks: control periods that every command is on its way, which neither side can see from stamps.
-    """
+def run_in_process(scenario: Scenario) -> Iterator[Tick]:
+    """Run a scenario in lockstep and yield every tick, until its duration is over."""
     loop = ClosedLoop(scenario)
-    nothing: list[JointCommand | None] = [None] * len(scenario.controllers)
-    on_the_way = deque([nothing] * late_ticks)
     followed = [k for k, params in enumerate(scenario.bridges.values()) if params.grip.control == "follow"]
     watches, lost = {name: IncidentWatch() for name in scenario.controllers}, False
     while not loop.bridge.finished:
@@ -135,5 +129,4 @@ def run_in_process(scenario: Scenario, late_ticks: int = 0) -> Iterator[Tick]:
         for k, grip in enumerate(tick.grips):
             if grip is not None:
                 loop.bridge.set_grip_force(k, grip)
-        on_the_way.append([*tick.commands])
-        loop.bridge.advance(on_the_way.popleft())
+        loop.bridge.advance([*tick.commands])

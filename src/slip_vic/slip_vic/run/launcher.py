@@ -15,11 +15,10 @@ from slip_msgs_py.environment import check_ros
 from slip_msgs_py.events import Event
 from slip_msgs_py.realtime import ProcessOptions
 from slip_msgs_py.stop_flag import StopFlag
+from slip_vic.run.commands import NO_OPTIONS, node_command, recorder_command
 from slip_vic.run.domain import chosen_domain, domain_id
-from slip_vic.run.node_command import NO_OPTIONS, node_command
 from slip_vic.run.prepare import prepare
 from slip_vic.run.processes import Child, ProcessGroup, child_environment, python_module
-from slip_vic.run.recording import recorder_command
 from slip_vic.scenarios.scenario import Scenario
 
 READY_TIMEOUT_S = 60.0

@@ -208,10 +208,10 @@ class Walk:
             ),
             (off and turn > ASKEW, "unload the sensor and zero it; then wrench.frame, wrench.rpy, wrench.tool_mass"),
             (
-                off and not weight / 3.0 < size < 3.0 * weight,
-                f"it is {size:.3g} N for {weight:.3g} N: wrench.force_scale, or wrench.tool_mass",
+                off,
+                f"it is {size:.3g} N for {weight:.3g} N: zero the unloaded sensor; then wrench.force_scale, "
+                "wrench.tool_mass or object.mass",
             ),
-            (off, f"it is {size - weight:+.2f} N off: wrench.tool_mass, object.mass, or zero the unloaded sensor"),
             (
                 lever > LEVER_SLACK,
                 "wrench.torque_scale, wrench.position, wrench.rpy, wrench.tool_com or contacts.position",

@@ -1,17 +1,21 @@
-"""What the launcher records: every topic of the table, the parameters, the URDF and the scenario."""
+"""The commands that start bridge, controller and recorder as processes, with the files that they read."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Final
 
+from slip_core.params import ParameterModel
 from slip_core.topics import TOPICS
 from slip_core.types import INTERFACES
+from slip_msgs_py.realtime import ProcessOptions
 from slip_vic.run.processes import python_module
 from slip_vic.run.versions import git_revision, versions
 from slip_vic.scenarios.scenario import NODES, Scenario, ros_parameter_file
 from slip_vic_controller.params.node_params import ControllerNodeParams
 
+NO_OPTIONS: Final = ProcessOptions()
 SLIP_TOPICS = {"slip_velocity": "twist", "slip_displacement": "displacement", "slip_flag": "flag"}
 
 
@@ -68,3 +72,17 @@ def recorder_command(scenario: Scenario, bag: Path, folder: Path, namespace: str
     if namespace:
         arguments += ["--namespace", namespace]
     return python_module("slip_bags.cli", *arguments)
+
+
+def node_command(
+    name: str, params: ParameterModel, folder: Path, *words: str, process: ProcessOptions = NO_OPTIONS
+) -> list[str]:
+    """Return the command of a node whose parameter file is written into `folder`; words: further ROS arguments.
+
+    process: cores, priority and memory, which are set before the node's module is imported.
+    """
+    node, path = NODES[name][0], folder / f"{name}.yaml"
+    path.write_text(ros_parameter_file(params, node), encoding="utf-8")
+    command = [f"{node}.main", "--ros-args", "--params-file", str(path), *words]
+    options = process.arguments()
+    return python_module("slip_msgs_py.realtime", *options, *command) if options else python_module(*command)
