@@ -19,7 +19,7 @@ from slip_vic.page import require_page, scripts
 from slip_vic.page.packing import ARRAY, Packer, compressed
 from slip_vic.page.page import make_page, summaries
 from slip_vic.page.plots import plot_series
-from slip_vic.page.runs import colours, drawn, grid, thinned
+from slip_vic.page.runs import drawn, grid, thinned
 from slip_vic.page.urdf import links_of
 from slip_vic.run.data import ArmData, Channel, read_data
 from slip_vic.run.metrics import load_ratio, summarise
@@ -154,15 +154,6 @@ def test_page_holds_everything_and_fetches_nothing() -> None:
     assert data is not None
     model = unpack(gzip.decompress(base64.b64decode(data[1])))
     assert [plot["name"] for plot in model["plots"]][:2] == ["slip_mm", "slip_deg"]
-
-
-def test_a_law_has_its_own_colour_and_a_sentence_at_the_top() -> None:
-    assert colours(["classical", "vic", "governed"]) == [0, 1, 2]
-    assert colours(["governed"]) == [2]
-    assert colours(["my_bag"]) == [1]
-    assert colours(["a", "b", "c"]) == [0, 1, 2]
-    text = make_page({"vic": read_data(BAGS / "paper_planar_vic")}, command="")
-    assert re.search(r'<p id="laws"><b>vic</b>: the paper\'s law', text[: text.index("<main>")])
 
 
 @pytest.mark.parametrize(("bag", "words"), [("no_such_bag", "no_such_bag"), ("folder", "MCAP files")])

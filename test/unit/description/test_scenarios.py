@@ -4,36 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import yaml
 from scipy.spatial.transform import Rotation
 
 from slip_core.errors import InputError
-from slip_core.params import build
 from slip_description import urdf_text
-from slip_sim_bridge.params import BridgeParams
 from slip_vic.scenarios import scenario_names, scenario_text
+from slip_vic.scenarios.scenario import load_scenario
 from test.unit.bridge.one_arm import OneArm
 
 NAMES = ["glass_transport", "paper_planar", "vertical_plane"]
 # What the files say of their paths: distance to joint limits [rad], smallest singular value of J.
 ROUNDING = 1e-7  # initial positions are written with 9 decimals
 HOLDS_AT_REST = 0.9  # of the break-away force
-
-
-def content(name):
-    return yaml.safe_load(scenario_text(name))
-
-
-def flat(values, prefix=""):
-    out = {}
-    for key, value in values.items():
-        out.update(flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {prefix + key: value})
-    return out
-
-
-def bridge_params(name):
-    values = content(name)
-    return build(BridgeParams, {**flat(values["shared"]), **flat(values["bridge"])}, name)
 
 
 def test_names_and_unknown_name():
@@ -46,7 +28,7 @@ def test_names_and_unknown_name():
 
 @pytest.mark.parametrize(("name", "normal_world"), [(n, (1, 0, 0) if "vert" in n else (0, 0, 1)) for n in NAMES])
 def test_object_starts_on_world_axes_with_the_pads_normal_as_described(name, normal_world):
-    params = bridge_params(name)
+    params = load_scenario(name).first
     truth = OneArm(params, urdf_text()).observe().truth
     np.testing.assert_allclose(truth.rotation, np.eye(3), rtol=0, atol=ROUNDING)
     o_R_p = Rotation.from_quat(params.contacts.orientation_xyzw[:4]).as_matrix()
@@ -55,7 +37,7 @@ def test_object_starts_on_world_axes_with_the_pads_normal_as_described(name, nor
 
 @pytest.mark.parametrize("name", NAMES)
 def test_grip_holds_at_rest(name):
-    simulation = OneArm(bridge_params(name), urdf_text())
+    simulation = OneArm(load_scenario(name).first, urdf_text())
     friction, grip = simulation.params.friction, simulation.params.grip.force
     h = simulation.observe().wrench.wrench[[0, 1, 5]] / [1.0, 1.0, friction.torsional_radius]
     load = np.linalg.norm(h) / (friction.mu_s * grip)
