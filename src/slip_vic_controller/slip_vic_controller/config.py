@@ -13,11 +13,11 @@ from slip_core.matrices import product
 from slip_core.records import copy_fields, new, record
 from slip_core.stamps import seconds_to_ns
 from slip_vic_controller.arm.command import Interface
-from slip_vic_controller.arm.config import estimator_config
+from slip_vic_controller.arm.config import DEVIATIONS, estimator_config
 from slip_vic_controller.arm.joint_estimate import ESTIMATOR_CONFIG
-from slip_vic_controller.arm.plausibility import BLIND_S
+from slip_vic_controller.arm.plausibility import BLIND_S, MEAN_S
 from slip_vic_controller.arm.robot import Robot
-from slip_vic_controller.contact.config import observer_config, witnesses
+from slip_vic_controller.contact.config import TUNING, observer_config, witnesses
 from slip_vic_controller.contact.friction_estimate import Friction
 from slip_vic_controller.contact.layouts import OBSERVER_CONFIG
 from slip_vic_controller.governor.layouts import MAX_WINDOW, GovernorConfig
@@ -56,11 +56,6 @@ SHARED_RESERVE = 0.3
 less than the others, the arms press on each other, and a camera sees what slips too late."""
 SAMPLES_AHEAD = 16
 """Samples of a governed stream in the time that it is looked ahead; closer ones are thinned."""
-NOISE_S = 0.01
-"""Where sensors have noise that a tare measures: the load that slipped is the mean of so long before and after, and
-what the observer finds for a shorter time is an outlier of the slip sensor."""
-LEAST_SLIP_M_S, NOISE_DEVIATIONS = 5e-5, 6.0
-"""What counts as slip: a speed, and so many standard deviations of a sample."""
 CONFIRMED = 2
 """Slip samples in a row that are believed where the observer finds slip too, on an arm whose joints are estimated: it
 finds some there that are none, and one sample may be an outlier."""
@@ -224,11 +219,9 @@ def _fill_limits(config: ControllerConfig, params: ControllerParams, robot: Robo
     drive.period_ns = config.cycle.period_ns
     drive.longest_step_ns = max(seconds_to_ns(LONGEST_STEP_S), config.cycle.period_ns)  # a control period is no pause
     drive.restart_after_ns = seconds_to_ns(RESTART_AFTER_S)
-    command, given, sensor = config.command, params.command, params.joint_sensor
+    command, given = config.command, params.command
     command.interface = Interface[given.interface.upper()]
-    command.lag = sensor.latency_s + sensor.filter_s + params.drive_lag_s + params.control_period_s
     command.velocity[:n], command.acceleration[:n] = velocity, given.acceleration_limit
-    command.jerk[:n] = given.acceleration_limit / (2.0 * params.control_period_s)  # to the limit in two cycles
     command.lower[:n], command.upper[:n] = robot.position_lower, robot.position_upper
 
 
@@ -274,8 +267,8 @@ def _fill_governor(governor: GovernorConfig, params: ControllerParams) -> None:
     estimate.friction, estimate.configured, estimate.kept = Friction[given.friction.upper()], given.friction_limit, KEPT
     estimate.least, estimate.trust = LEAST_SHARE * given.friction_limit, TRUST
     noise = math.hypot(math.sqrt(2.0) * sensor.noise_linear, given.torsional_radius * sensor.noise_angular)
-    estimate.threshold = max(LEAST_SLIP_M_S, NOISE_DEVIATIONS * noise, sensor.quantum_linear)
-    estimate.noise_ns = seconds_to_ns(NOISE_S) if params.tare.duration_s > 0.0 else 0
+    estimate.threshold = max(TUNING.least_slip[0], DEVIATIONS * noise, sensor.quantum_linear)
+    estimate.noise_ns = seconds_to_ns(MEAN_S) if params.tare.duration_s > 0.0 else 0
     estimate.witnesses = witnesses(params)
     estimate.confirmed = min(CONFIRMED, estimate.witnesses) if params.estimates_joints else 1
     estimate.quiet_ns = seconds_to_ns(QUIET_S)

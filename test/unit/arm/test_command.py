@@ -15,7 +15,6 @@ from slip_vic_controller.arm.command import (
     MotionCommand,
     advance_motion,
     joint_acceleration,
-    largest_acceleration,
     start_motion,
     stop_motion,
     stopping_speed,
@@ -24,13 +23,13 @@ from slip_vic_controller.sizes import MAX_JOINTS
 
 N, PERIOD = 3, 1e-3
 ROUNDING = 1e-9
-VELOCITY, ACCELERATION, JERK = np.array([2.0, 1.0, 3.0]), np.array([15.0, 10.0, 20.0]), np.array([5e3, 1e3, 7.5e3])
+VELOCITY, ACCELERATION = np.array([2.0, 1.0, 3.0]), np.array([15.0, 10.0, 20.0])
 
 
 def limits(reach: float = 2.8) -> CommandConfig:
     config: CommandConfig = record(new(COMMAND_CONFIG), COMMAND_CONFIG)
     config.joints = N
-    config.velocity[:N], config.acceleration[:N], config.jerk[:N] = VELOCITY, ACCELERATION, JERK
+    config.velocity[:N], config.acceleration[:N] = VELOCITY, ACCELERATION
     config.lower[:N], config.upper[:N] = -reach, reach
     return config
 
@@ -57,14 +56,13 @@ def test_any_command_keeps_every_limit(seed: int, period: float) -> None:
             wanted = rng.choice([-1.0, 1.0], N) * 10.0 ** rng.uniform(-1, 4, N)
         if rng.uniform() < 0.02:
             wanted = np.array([np.nan, np.inf, -np.inf])[rng.permutation(3)]
-        before = state.velocity[:N].copy(), state.acceleration[:N].copy()
-        finite = advance_motion(config, state, full(wanted), full(before[0]), period, limited)
+        before = state.velocity[:N].copy()
+        finite = advance_motion(config, state, full(wanted), full(before), period, limited)
         assert set(limited.tolist()) <= {0, 1}
         assert finite == bool(np.isfinite(wanted).all())
         assert (np.abs(state.velocity[:N]) <= VELOCITY + ROUNDING).all()
         assert (np.abs(state.acceleration[:N]) <= ACCELERATION + ROUNDING).all()
-        assert (np.abs(state.acceleration[:N] - before[1]) <= JERK * period + ROUNDING).all()
-        np.testing.assert_allclose(state.velocity[:N] - before[0], period * state.acceleration[:N], atol=ROUNDING)
+        np.testing.assert_allclose(state.velocity[:N] - before, period * state.acceleration[:N], atol=ROUNDING)
         assert (np.abs(state.position[:N]) <= reach).all()
 
 
@@ -97,13 +95,12 @@ def test_command_inside_limits_is_exact() -> None:
 def test_stop_without_reversal() -> None:
     config = limits()
     state, limited = begun(config, np.zeros(N), np.array([1.5, -0.9, 2.9])), np.zeros(MAX_JOINTS, np.int64)
-    sign, before = np.sign(state.velocity[:N]), state.acceleration[:N].copy()
+    sign = np.sign(state.velocity[:N])
     for _ in range(2000):
         if stop_motion(config, state, PERIOD, limited):
             break
         assert (sign * state.velocity[:N] >= -ROUNDING).all()
-        assert (np.abs(state.acceleration[:N] - before) <= ACCELERATION).all()
-        before = state.acceleration[:N].copy()
+        assert (np.abs(state.acceleration[:N]) <= ACCELERATION).all()
     else:
         pytest.fail("it never came to rest")
     assert not state.velocity[:N].any()
@@ -119,19 +116,10 @@ def test_command_lead_is_bounded() -> None:
 
 @pytest.mark.parametrize("distance", [1e-3, 0.1, 1.0])
 def test_stopping_speed_inverts_distance(distance: float) -> None:
-    a, j = 10.0, 1e3
-    v = stopping_speed(distance, a, j)
-    assert v * v / (2.0 * a) + v * a / (2.0 * j) == pytest.approx(distance, rel=1e-12)
-    assert stopping_speed(-distance, a, j) == 0.0
-
-
-def test_largest_acceleration_uses_the_room() -> None:
-    jerk, period, room = 1e3, 1e-3, 0.3
-    a, grown = largest_acceleration(room, jerk, period), 0.0
-    while a > 0.0:
-        grown += a * period
-        a -= jerk * period
-    assert 0.95 * room <= grown <= room
+    a = 10.0
+    v = stopping_speed(distance, a)
+    assert v * v / (2.0 * a) == pytest.approx(distance, rel=1e-12)
+    assert stopping_speed(-distance, a) == 0.0
 
 
 def test_acceleration_solves_equation_of_motion() -> None:

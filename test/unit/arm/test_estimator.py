@@ -13,7 +13,8 @@ from slip_core.errors import InputError
 from slip_core.params import build
 from slip_core.records import new, record
 from slip_vic_controller.arm.config import (
-    Noise,
+    MODEL_NOISE,
+    Tuning,
     estimator_config,
     steady_state,
 )
@@ -41,7 +42,7 @@ from test.support.call import call
 
 MS, T, N = 1_000_000, 1e-3, 3
 LIMIT = np.array([87.0, 50.0, 12.0])
-NOISE = Noise(2e-5, 3e-3, 0.1, 30.0)
+TUNING = Tuning(2e-5, 3e-3, 30.0, 0.0, T)
 EXACT = 1e-12  # the same numbers by two ways
 CONVERGED = 1e-6  # the recursion's distance from its limit, relative
 
@@ -78,9 +79,9 @@ def test_transition_is_the_matrix_exponential() -> None:
 
 
 def test_gains_are_the_recursion_limit() -> None:
-    for noise, bandwidth in ((NOISE, 0.0), (Noise(1e-4, 0.01, 0.3, 100.0), 0.0), (NOISE, 100.0)):
-        steady = steady_state(noise, bandwidth, T)
-        predicted, updated, gain = joint_filter.covariances(*noise, bandwidth, T)
+    for tuning in (TUNING, Tuning(1e-4, 0.01, 100.0, 0.0, T), TUNING._replace(bandwidth=100.0)):
+        steady, (position, velocity, drift, bandwidth, *_) = steady_state(tuning), tuning
+        predicted, updated, gain = joint_filter.covariances(position, velocity, MODEL_NOISE, drift, bandwidth, T)
         np.testing.assert_allclose(steady.predicted, predicted, rtol=CONVERGED)
         np.testing.assert_allclose(steady.updated, updated, rtol=CONVERGED, atol=1e-18)
         np.testing.assert_allclose(steady.gain, gain, rtol=CONVERGED)

@@ -11,12 +11,11 @@ from slip_core.records import new, record
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.arm.command import (
     COMMAND_CONFIG,
-    IGNORED_S,
     MOTION_COMMAND,
     Interface,
     ignored_joint,
 )
-from slip_vic_controller.arm.plausibility import MOVES
+from slip_vic_controller.arm.plausibility import LASTS_S, MOVES
 from slip_vic_controller.safety.modes import Mode
 from test.support.call import call
 from test.support.watched_loop import WatchedLoop
@@ -63,9 +62,9 @@ def test_paused_arm_is_not_thrown(name: str, drive: str, law: str) -> None:
 
 
 def command(**values: Any) -> tuple[Any, Any]:
-    """Return configuration and state of a command of N joints with a lag of 20 ms."""
+    """Return configuration and state of a command of N joints."""
     config, state = record(new(COMMAND_CONFIG), COMMAND_CONFIG), record(new(MOTION_COMMAND), MOTION_COMMAND)
-    config.interface, config.joints, config.lag = Interface.POSITION, N, 0.02
+    config.interface, config.joints = Interface.POSITION, N
     config.velocity[:], config.lower[:], config.upper[:] = 2.0, -1.0, 1.0
     for name, value in values.items():
         state[name][:N] = value
@@ -81,4 +80,4 @@ def test_ignored_joint() -> None:
         seen = [call(ignored_joint, config, state, np.array([0.0, share * commanded, 0.0]), T) for _ in range(250)]
         assert (max(seen) == 1) is ignored, (commanded, share)
         if ignored:
-            assert IGNORED_S <= T * (1 + seen.index(1)) < IGNORED_S + 0.1
+            assert LASTS_S <= T * (1 + seen.index(1)) < LASTS_S + 2 * T

@@ -1,8 +1,8 @@
 """The last step towards drives that take joint velocities or positions: from joint acceleration to a smooth command.
 
 What law and HOLD want is a joint acceleration. It is integrated to a velocity, and that to a position, inside the
-limits of velocity, acceleration and jerk, so that the drive can follow. By induction: a command that can come to rest
-inside its limits stays one that can.
+limits of velocity and acceleration, so that the drive can follow. By induction: a command that can come to rest inside
+its limits stays one that can.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ import numpy as np
 from slip_core.arrays import Array
 from slip_core.cholesky import LARGEST, back_substitute, cholesky, forward_substitute
 from slip_core.compiled import part
-from slip_core.records import Real, Record, Whole, WholeArray, dtype_of
-from slip_vic_controller.arm.plausibility import MOVES
+from slip_core.records import Record, Whole, WholeArray, dtype_of
+from slip_vic_controller.arm.plausibility import LASTS_S, MOVES
 from slip_vic_controller.sizes import MAX_JOINTS
 
 LEAD: Final = 0.5
@@ -26,9 +26,7 @@ when it can again [rad/s]."""
 STOP_SHARE: Final = 0.5
 """Share of the acceleration limit with which a command brakes ahead of the end of a joint's range."""
 BEFORE_END: Final = 1e-3
-"""How far before that end it comes to rest: periods and jerk make the brake late by less [rad]."""
-IGNORED_S: Final = 0.3
-"""Time for which a joint may move at less than half of what is commanded [s]: longer than any command gets lost."""
+"""How far before that end it comes to rest: periods make the brake late by less [rad]."""
 
 
 @unique
@@ -47,10 +45,8 @@ class CommandConfig(Record):
     joints: Whole
     velocity: Annotated[Array, MAX_JOINTS]  # rad/s
     acceleration: Annotated[Array, MAX_JOINTS]  # rad/s^2
-    jerk: Annotated[Array, MAX_JOINTS]  # rad/s^3
     lower: Annotated[Array, MAX_JOINTS]  # rad, where a command is at rest
     upper: Annotated[Array, MAX_JOINTS]  # rad
-    lag: Real  # s, by which joints follow it and are measured
 
 
 class MotionCommand(Record):
@@ -60,8 +56,7 @@ class MotionCommand(Record):
     position: Annotated[Array, MAX_JOINTS]  # rad
     velocity: Annotated[Array, MAX_JOINTS]  # rad/s
     acceleration: Annotated[Array, MAX_JOINTS]  # rad/s^2
-    expected: Annotated[Array, MAX_JOINTS]  # rad/s; the velocity with the lag of the joints
-    ignored_s: Annotated[Array, MAX_JOINTS]  # s; for how long a joint has not moved as expected
+    ignored_s: Annotated[Array, MAX_JOINTS]  # s; for how long a joint has not moved so
 
 
 COMMAND_CONFIG, MOTION_COMMAND = dtype_of(CommandConfig), dtype_of(MotionCommand)
@@ -80,7 +75,7 @@ def start_motion(config: CommandConfig, state: MotionCommand, q: Array, qd: Arra
         most = config.velocity[j]
         state.position[j], state.acceleration[j] = within_range(config, j, q[j]), 0.0
         state.velocity[j] = min(max(qd[j], -most), most)
-        state.expected[j], state.ignored_s[j] = state.velocity[j], 0.0
+        state.ignored_s[j] = 0.0
     state.started = 1
 
 
@@ -113,27 +108,9 @@ def joint_acceleration(n: int, M: Array, bias: Array, J: Array, h: Array, tau: A
 
 
 @part
-def stopping_speed(distance: float, acceleration: float, jerk: float) -> float:
-    """Return the largest speed that comes to rest within a distance; [rad] -> [rad/s].
-
-    v^2 / (2 a) + v a / (2 j) = d: the time until the brake has built up counts with the speed held.
-    """
-    if distance <= 0.0:
-        return 0.0
-    lag = 0.5 * acceleration * acceleration / jerk
-    return math.sqrt(lag * lag + 2.0 * acceleration * distance) - lag
-
-
-@part
-def largest_acceleration(room: float, jerk: float, period: float) -> float:
-    """Return the largest acceleration now with which the speed grows by at most `room` until jerk has taken it back.
-
-    a T + (a - j T) T + ... <= a T + a^2 / (2 j) = room. Negative room asks for a deceleration: all of it.
-    """
-    if room <= 0.0:
-        return room / period
-    lag = jerk * period
-    return math.sqrt(lag * lag + 2.0 * jerk * room) - lag
+def stopping_speed(distance: float, acceleration: float) -> float:
+    """Return the largest speed that comes to rest within a distance: v^2 = 2 a d; [rad] -> [rad/s]."""
+    return math.sqrt(2.0 * acceleration * max(distance, 0.0))
 
 
 @part
@@ -159,20 +136,14 @@ def advance_motion(
     if dt <= 0.0:
         return finite
     for j in range(config.joints):
-        v, a, jerk = state.velocity[j], state.acceleration[j], config.jerk[j]
-        most = config.acceleration[j]
-        wanted = qdd[j] if finite else rest_acceleration(v, jerk, T)
-        brake = STOP_SHARE * most
+        v, most = state.velocity[j], config.acceleration[j]
+        wanted, brake = qdd[j] if finite else -v / T, STOP_SHARE * most
         ahead = state.position[j] + v * T  # what is decided now acts from there on
-        up = min(config.velocity[j], stopping_speed(config.upper[j] - BEFORE_END - ahead, brake, jerk))
-        down = min(config.velocity[j], stopping_speed(ahead - BEFORE_END - config.lower[j], brake, jerk))
+        up = min(config.velocity[j], stopping_speed(config.upper[j] - BEFORE_END - ahead, brake))
+        down = min(config.velocity[j], stopping_speed(ahead - BEFORE_END - config.lower[j], brake))
         up, down = min(up, max(qd[j] + LEAD, 0.0)), min(down, max(LEAD - qd[j], 0.0))
-        highest = min(most, largest_acceleration(up - v, jerk, T))
-        lowest = max(-most, -largest_acceleration(v + down, jerk, T))
-        inside = min(max(wanted, lowest), highest)
-        # Jerk counts last but for the acceleration limit itself: a jump of the limits is no reason to jump.
-        new = min(max(inside, a - jerk * T), a + jerk * T)
-        new = min(max(new, -most), most)
+        # The acceleration limit counts last: a jump of the others is no reason to jump.
+        new = min(max(min(max(wanted, (-down - v) / T), (up - v) / T), -most), most)
         limited[j] = 1 if new != wanted else 0
         state.position[j] = within_range(config, j, state.position[j] + (v + 0.5 * new * T) * T)
         state.velocity[j] = v + new * T
@@ -184,16 +155,15 @@ def advance_motion(
 def ignored_joint(config: CommandConfig, state: MotionCommand, qd: Array, dt: float) -> int:
     """Return a joint that does not take commands, -1 where all do: its driver is paused, or something blocks it.
 
-    It moves at less than half of what is commanded, for IGNORED_S. Such a command would throw the arm when it counts
-    again. qd: measured or estimated (n,) [rad/s]; dt: since the command before [s].
+    Its velocity is off the commanded one by more than half of that, for LASTS_S. Such a command would throw the arm
+    when it counts again. qd: measured or estimated (n,) [rad/s]; dt: since the command before [s].
     """
-    found, follow = -1, 1.0 - math.exp(-dt / config.lag)
+    found = -1
     for j in range(config.joints):
-        state.expected[j] += follow * (state.velocity[j] - state.expected[j])
-        expected = state.expected[j]
-        ignored = abs(expected) > MOVES and abs(qd[j] - expected) > 0.5 * abs(expected)
+        v = abs(state.velocity[j])
+        ignored = v > MOVES and abs(qd[j] - state.velocity[j]) > 0.5 * v
         state.ignored_s[j] = state.ignored_s[j] + dt if ignored else 0.0
-        if state.ignored_s[j] > IGNORED_S:
+        if state.ignored_s[j] > LASTS_S:
             found = j
     return found
 
@@ -208,21 +178,14 @@ def return_to(config: CommandConfig, state: MotionCommand, q: Array, dt: float) 
 
 
 @part
-def rest_acceleration(velocity: float, jerk: float, period: float) -> float:
-    """Return the acceleration that brings a velocity to rest as fast as jerk allows; [rad/s^2]."""
-    slow = largest_acceleration(abs(velocity), jerk, period)
-    return -min(slow, abs(velocity) / period) if velocity > 0.0 else min(slow, abs(velocity) / period)
-
-
-@part
 def stop_motion(config: CommandConfig, state: MotionCommand, dt: float, limited: WholeArray) -> bool:
     """Bring the command to rest inside its limits; return whether it was at rest before. dt: since then [s]."""
     nowhere, before = np.full(MAX_JOINTS, np.nan), state.velocity.copy()
-    state.expected[:], state.ignored_s[:] = 0.0, 0.0
+    state.ignored_s[:] = 0.0
     if dt <= 0.0:
         return False
     advance_motion(config, state, nowhere, before, dt, limited)
     for j in range(config.joints):
-        if abs(before[j]) <= dt * min(config.jerk[j] * dt, config.acceleration[j]):
+        if abs(before[j]) <= config.acceleration[j] * dt:  # to the last bit
             state.velocity[j], state.acceleration[j] = 0.0, 0.0
     return not before[: config.joints].any()

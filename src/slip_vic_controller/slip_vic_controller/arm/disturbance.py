@@ -8,7 +8,7 @@ from typing import Final
 from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_vic_controller.arm.joint_estimate import EstimatorConfig, Finding, JointEstimate, Trust, find
-from slip_vic_controller.arm.plausibility import MOVES, contradiction, is_unmeasured
+from slip_vic_controller.arm.plausibility import LASTS_S, MEAN_S, contradiction, is_unmeasured
 
 SLOW_S: Final = 0.2
 """Time constant of the disturbance that is no collision [s]."""
@@ -17,8 +17,6 @@ WITH_WRENCH: Final = 0.5
 NOTICED: Final = 0.3
 """... where that is this share of what is a collision: an object that is accelerated jumps less. And share of the
 parity that contradicts from which a jump may be a wrong measurement."""
-COLLISION_S, DISTURBED_S = 0.01, 0.3
-"""Time that a jump must last to be a collision, and that a disturbance may stay beyond its bound [s]."""
 
 
 @part
@@ -72,7 +70,7 @@ def oppose_disturbance(
         state.effort[j] = effort
         jump, wrench_jump = effort - state.slow_effort[j], of_wrench[j] - state.slow_wrench[j]
         state.wrench_jump[j] = max(abs(wrench_jump), (1.0 - weight) * state.wrench_jump[j])
-        most = config.collision[j] + friction_jump(config, state, j, jump)
+        most = config.collision[j] + 2.0 * config.friction[j]  # which turns round
         with_wrench = state.wrench_jump[j] > max(WITH_WRENCH * abs(jump), NOTICED * config.collision[j])
         lasting = state.slow_effort[j] if with_wrench else effort
         # Neither low-pass may run to a wrench of some hundred newtons: it would get there in a few cycles.
@@ -82,22 +80,11 @@ def oppose_disturbance(
         jumped = abs(jump) > most and not with_wrench and not doubtful
         state.jumped_s[j] = state.jumped_s[j] + dt if jumped else 0.0
         bound, step = config.bound[j], config.rate[j] * dt
-        before = state.taken_off[j]
-        wanted = before if unmeasured else min(max(-lasting, -bound), bound)
-        state.taken_off[j] = min(max(before + follow * (wanted - before), before - step), before + step)
+        wanted = state.taken_off[j] if unmeasured else min(max(-lasting, -bound), bound)
+        state.taken_off[j] += min(max(follow * (wanted - state.taken_off[j]), -step), step)
         torque[j] += state.taken_off[j]
         state.beyond_s[j] = state.beyond_s[j] + dt if abs(effort) > bound else 0.0
-        if state.jumped_s[j] > COLLISION_S:
+        if state.jumped_s[j] > MEAN_S:
             find(state, Finding.COLLISION.value, j, jump, most)
-        elif state.beyond_s[j] > DISTURBED_S:
+        elif state.beyond_s[j] > LASTS_S:
             find(state, Finding.DISTURBED.value, j, effort, bound)
-
-
-@part
-def friction_jump(config: EstimatorConfig, state: JointEstimate, j: int, jump: float) -> float:
-    """Return how much of a jump of the disturbance a change of sign of the friction of joint j explains [N m].
-
-    Friction turns round against the velocity; a joint that comes to rest may be held in either direction.
-    """
-    along = jump * state.velocity[j] > 0.0 and abs(state.velocity[j]) > MOVES
-    return 0.0 if along else 2.0 * float(config.friction[j])

@@ -38,7 +38,6 @@ from slip_vic_controller.arm.joint_estimate import (
     Trust,
 )
 from slip_vic_controller.arm.plausibility import (
-    GAP,
     compare_measurements,
     count_unmeasured,
     is_unmeasured,
@@ -47,10 +46,9 @@ from slip_vic_controller.arm.plausibility import (
 from slip_vic_controller.law.arm import Arm
 from slip_vic_controller.sizes import MAX_JOINTS
 
-FAR: Final = 0.5
 FAST: Final = 20.0
-"""Distance from the measurement [rad], [rad/s] from which an estimate is none: the forces of the model grow with the
-square of velocity, so one that runs away doubles its exponent in every cycle."""
+"""Distance of the velocity from the measured one [rad/s] from which an estimate is none: the forces of the model grow
+with the square of velocity, so one that runs away doubles its exponent in every cycle."""
 
 
 class PadVariances(Protocol):
@@ -98,8 +96,8 @@ def move_on(step: Transition, q: float, v: float, d: float, u: float) -> tuple[f
 @part
 def start_estimate(config: EstimatorConfig, state: JointEstimate, stamp_ns: int, q: Array, qd: Array) -> None:
     """Begin at a sample; (n,) [rad], [rad/s]. The disturbance stays: friction and offset outlast a pause."""
-    state.started, state.stamp_ns, state.renewed_ns, state.corrected_ns = 1, stamp_ns, stamp_ns, stamp_ns
-    state.repeats, state.missing, state.newest, state.remembered = 0, 0, 0, 0
+    state.started, state.stamp_ns, state.renewed_ns = 1, stamp_ns, stamp_ns
+    state.since, state.newest, state.remembered = 0, 0, 0
     state.inputs[:] = 0.0
     for j in range(config.joints):
         position, velocity = q[j], qd[j]
@@ -169,22 +167,18 @@ def estimate_joints(
     for j in range(config.joints):
         repeated = repeated and joint_repeats(state, j, q, qd)
     count_unmeasured(config, state, stamp_ns, periods, q, qd, repeated, measured)
-    new = measured and is_new(config, state, periods, repeated)
-    if periods > 1:
-        state.missing = 1
-    # Of a slow sensor a missing sample may have been the first with what is new: nothing says when that was measured.
+    state.since += periods
+    # A sensor slower than the cycle repeats itself for its period; an arm at rest may read the same for any time.
     # Where no joint is measured nothing corrects the estimate, and innovations grow longer.
     seen = state.unmeasured[: config.joints].min() < config.sensor_ticks
-    corrects = new and (periods == 1 or config.sensor_ticks == 1) and seen
-    if new and not repeated:
+    corrects = measured and seen and not (repeated and state.since < config.sensor_ticks)
+    if measured and not repeated:
         compare_measurements(config, state, (stamp_ns - state.renewed_ns) * 1e-9, q, qd)
-        state.renewed_ns, state.missing = stamp_ns, 0 if corrects else 1
+        state.renewed_ns = stamp_ns
     # After a missing sample an innovation has had longer to grow from a wrong velocity or disturbance.
-    passed, share = (stamp_ns - state.corrected_ns) * 1e-9, 1.0
-    if passed > GAP * config.sensor_period:
-        share = config.sensor_period / passed
+    share = min(1.0, config.sensor_ticks / state.since)
     if corrects:
-        state.corrected_ns = stamp_ns
+        state.since = 0
     state.stamp_ns = stamp_ns
     m, step, whole = (
         config.late_ticks,
@@ -217,7 +211,11 @@ def estimate_joints(
         for ago in range(m - 1, -1, -1):
             x_q, x_v = move_on(whole, x_q, x_v, x_d, input_of(config, state, ago, j))
         state.position[j], state.velocity[j] = x_q, x_v
-    if far_off(config, state, q, qd):
+    far = False
+    for j in range(config.joints):
+        unused = is_unmeasured(config, state, j) or state.trust[j] == Trust.POSITION or state.trust[j] == Trust.NEITHER
+        far = far or not abs(state.velocity[j] - (0.0 if unused else qd[j])) < FAST
+    if far:
         start_estimate(config, state, stamp_ns, q, qd)
         state.d[:] = 0.0
 
@@ -227,33 +225,6 @@ def stay_blind(config: EstimatorConfig, state: JointEstimate) -> None:
     """Let the joints rest where the model has them: the drives hold them."""
     state.v[:] = 0.0
     remember_input(config, state, np.zeros(MAX_JOINTS))
-
-
-@part
-def far_off(config: EstimatorConfig, state: JointEstimate, q: Array, qd: Array) -> bool:
-    """Return whether the estimate of a joint is not finite, or far from a measurement that is used; [rad], [rad/s]."""
-    far = False
-    for j in range(config.joints):
-        trust = Trust.NEITHER.value if is_unmeasured(config, state, j) else state.trust[j]
-        elsewhere = trust == Trust.VELOCITY or trust == Trust.NEITHER
-        far = far or not (elsewhere or abs(state.position[j] - q[j]) < FAR)
-        # Where velocity is not used it is at least a speed that joints have.
-        measured = 0.0 if trust == Trust.POSITION or trust == Trust.NEITHER else qd[j]
-        far = far or not abs(state.velocity[j] - measured) < FAST
-    return far
-
-
-@part
-def is_new(config: EstimatorConfig, state: JointEstimate, periods: int, repeated: bool) -> bool:
-    """Return whether a sample has been measured since the one before; a sensor slower than the cycle repeats itself.
-
-    For no longer than its period: an arm at rest may read the same for ever. periods: since then, of control.
-    """
-    state.repeats += periods
-    if repeated and state.repeats < config.sensor_ticks:
-        return False
-    state.repeats = 0
-    return True
 
 
 @part

@@ -67,7 +67,9 @@ class EstimatorConfig(Record):
     change_variance: Real  # (rad/s)^2; noise of its change over a period
     difference: Real  # rad; sum of the parity that is no noise
     late: Real  # s; by which velocities may be behind positions
-    unmoved: Real  # rad; way by its velocity after which a joint that is measured does not read the same
+    unmoved: (
+        Real  # rad; way by its velocity after which a joint that is measured does not read the same to the last bit
+    )
     bound: Joints  # N m; most of the disturbance that is taken off the effort
     rate: Joints  # N m/s; of what is taken off
     settling: Real  # s; time constant with which it follows the estimate
@@ -81,9 +83,7 @@ class JointEstimate(Record):
     started: Whole
     stamp_ns: Whole  # of the last sample
     renewed_ns: Whole  # of the last one that was new
-    repeats: Whole  # control periods since then
-    missing: Whole  # whether one has been missing since then, or before it so that it is not known when it was measured
-    corrected_ns: Whole  # of the last one that corrected the estimate
+    since: Whole  # control periods since one corrected the estimate
     q: Joints  # rad; when the last sample was measured
     v: Joints  # rad/s
     d: Joints  # rad/s^2; disturbance

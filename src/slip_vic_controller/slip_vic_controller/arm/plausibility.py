@@ -16,11 +16,6 @@ from slip_vic_controller.arm.joint_estimate import LONGEST_STEP, EstimatorConfig
 
 BLIND_S: Final = 0.5
 """Time for which the model tells where a joint is that is not measured [s]: enough to come to rest, not to hold it."""
-UNMOVED: Final = 3e-4
-"""Way by any velocity [rad], of an encoder that is read in steps two of them, after which a joint that is measured
-does not read the same to the last bit."""
-GAP: Final = 1.5
-"""Sensor periods between two samples from which one is missing."""
 DIFFERENCE, BIAS = 5e-3, 0.01
 """Sum of the parity that contradicts [rad], beyond a difference of the velocities that may last [rad/s]."""
 LATE_S: Final = 0.01
@@ -28,11 +23,14 @@ LATE_S: Final = 0.01
 OUTRUN: Final = 3.0
 """Way that positions show over that of the velocities from which it is the position that drifts. Else the velocity is
 wrong: damping by it would throw the joint, while a position that drifts moves it no faster than that."""
-REVERSALS, DEAD = 20, 10
+REVERSALS: Final = 20
 """Reversals of the velocity from one sample to the next, without repetitions, which show that an encoder has noise:
-motion alone does not make them. And repetitions in a row that it has not then: it has died."""
-SIGNIFICANT: Final = 4.5
-"""Standard deviations of a mean that are no noise."""
+motion alone does not make them. As many repetitions in a row it has not then: it has died."""
+MEAN_S, SIGNIFICANT = 0.01, 4.5
+"""Time over which innovations are averaged, and a jump of the disturbance must last [s]; and standard deviations of a
+mean that are no noise."""
+LASTS_S: Final = 0.3
+"""Time for which a joint may be disturbed beyond its bound, or not move as commanded [s]."""
 MOVES: Final = 0.02
 """Speed from which neither friction nor noise hides that a joint moves [rad/s]."""
 
@@ -102,18 +100,17 @@ def compare_measurements(config: EstimatorConfig, state: JointEstimate, dt: floa
     Between two samples the velocity may have had any value between theirs; where one is missing, any at all, and that
     way is not compared.
     """
-    compared = state.missing == 0 and state.alone == 0 and dt < GAP * config.sensor_period
+    compared = state.alone == 0 and round(dt / config.sensor_period) <= 1
     for j in range(config.joints):
         before_q, before_v = state.measured_position[j], state.measured_velocity[j]
-        repeated = min(state.same_position[j], state.same_velocity[j])
-        if repeated > 0 and not joint_repeats(state, j, q, qd):
+        if min(state.same_position[j], state.same_velocity[j]) > 0 and not joint_repeats(state, j, q, qd):
             state.reversals[j] = 0
         elif before_v * qd[j] < 0.0:
             state.reversals[j] += 1
         state.same_position[j] = state.same_position[j] + 1 if q[j] == before_q else 0
         state.same_velocity[j] = state.same_velocity[j] + 1 if qd[j] == before_v else 0
         state.measured_position[j], state.measured_velocity[j] = q[j], qd[j]
-        if has_noise(config, state, j) and min(state.same_position[j], state.same_velocity[j]) >= DEAD:
+        if has_noise(config, state, j) and min(state.same_position[j], state.same_velocity[j]) >= REVERSALS:
             _reject(config, state, j, Trust.NEITHER.value)
         elif compared:
             way_q = q[j] - before_q

@@ -143,7 +143,7 @@ def _move(config: ControllerConfig, state: ArmState, inputs: CycleInputs, output
         advance_motion(config.command, motion, qdd, estimate.velocity, dt, limited)
         ignored = ignored_joint(config.command, motion, estimate.velocity, dt)
         if ignored >= 0:
-            find(estimate, Finding.IGNORED.value, ignored, estimate.velocity[ignored], motion.expected[ignored])
+            find(estimate, Finding.IGNORED.value, ignored, estimate.velocity[ignored], motion.velocity[ignored])
     else:
         stop_motion(config.command, motion, dt, limited)
         if estimate.finding == Finding.IGNORED:
