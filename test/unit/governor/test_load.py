@@ -90,7 +90,7 @@ def test_shared_load_bounds_every_pad() -> None:
         d = places - middle
         A = 2 * rho**2 * np.eye(3) + sum(x @ x * np.eye(3) - np.outer(x, x) for x in d)
         arm = float(np.hypot(np.linalg.norm(d[0]), rho))
-        shared = Shared(2, vec(middle), mat(np.linalg.inv(A)), arm, rho)
+        shared = Shared(2, vec(middle), mat(np.linalg.inv(A)), arm * rho)
         held = Held(1.0, mat(np.eye(3)), vec(places[0]), weights, vec(np.zeros(3)), shared)
         force, torque = rng.normal(size=3), 0.1 * rng.normal(size=3)
         bound = size(at_contact(held, vec(force), vec(torque)))

@@ -122,7 +122,7 @@ def test_stream_bound_admits_braking() -> None:
         point = stream.points[i]
         point.time, point.uu, point.cap = spacing_s * i, mass * mass, 100.0
     stream.points[4].cap = 0.01
-    nobody = Shared(1, vec(np.zeros(3)), mat(np.eye(3)), 0.0, 1.0)
+    nobody = Shared(1, vec(np.zeros(3)), mat(np.eye(3)), 0.0)
     held = Held(mass, mat(np.eye(3)), vec(np.zeros(3)), spatial(np.ones(6)), vec(np.zeros(3)), nobody)
     plan_stream(stream, held, (1.0, 1.0, 1.0), F, 0.0)
     K = [stream.points[i].K for i in range(5)]

@@ -8,13 +8,13 @@ from slip_vic_controller.arm.tare import start_tare
 from slip_vic_controller.contact.observer import reset
 from slip_vic_controller.cycle.contact import begin_pad
 from slip_vic_controller.cycle.gains import gains_now
-from slip_vic_controller.cycle.governing import rest_on_path
 from slip_vic_controller.cycle.ledger import put_time
 from slip_vic_controller.governor.governor import start_governor
 from slip_vic_controller.governor.grip import start_grip
 from slip_vic_controller.governor.plan import Governing
 from slip_vic_controller.path.goals import rest_at
 from slip_vic_controller.path.paths import Reference
+from slip_vic_controller.path.stream import rest_stream
 from slip_vic_controller.safety.conditions import forget_conditions
 from slip_vic_controller.safety.drop_detection import forget
 from slip_vic_controller.safety.modes import begin_modes
@@ -84,7 +84,7 @@ def _begin_task(config: ControllerConfig, task: TaskState, state: ArmState, inpu
     arm = inputs.arm
     task.start_ns = state.joint.answers.stamp_ns
     if config.stream.on != 0:
-        rest_on_path(config, task, arm)
+        rest_stream(task.stream, vec(arm.position), mat(arm.rotation))
     if config.goals.on != 0:
         rest_at(task.goal, Reference(vec(arm.position), mat(arm.rotation), Spatial(ZERO, ZERO), Spatial(ZERO, ZERO)))
     if config.governor.mode != Governing.OFF:

@@ -30,9 +30,6 @@ from slip_vic_controller.law.internal import sharing
 from slip_vic_controller.sizes import NEVER
 from slip_vic_controller.state import ArmState, ControllerConfig, CycleOutputs, TaskState
 
-SEES_NS = 50_000_000
-"""How long after a slip by the wrench a sample must be measured that shows nothing of it [ns]."""
-
 
 @part
 def held(config: ControllerConfig, state: ArmState, gains: LawGains) -> Held:
@@ -40,13 +37,11 @@ def held(config: ControllerConfig, state: ArmState, gains: LawGains) -> Held:
     limits, contact, slip, shared = config.governor, config.law.contact[0], state.law.slips[0], ALONE
     if config.law.contacts > 1:
         with_others, rho = sharing(config.law, gains, state.law.slips), limits.radius
-        arm = math.sqrt(with_others.longest * with_others.longest + rho * rho)
-        shared = Shared(with_others.contacts, with_others.middle, with_others.inverse, arm, rho)
+        reach = math.sqrt(with_others.longest * with_others.longest + rho * rho) * rho
+        shared = Shared(with_others.contacts, with_others.middle, with_others.inverse, reach)
     pad = pad_rotation(contact, slip)
-    inertia, r = (
-        pad.T() @ (mat(gains.object.inertia) @ pad),
-        contact_arm(pad, vec(gains.contact_position), contact, slip),
-    )
+    inertia = pad.T() @ (mat(gains.object.inertia) @ pad)
+    r = contact_arm(pad, vec(gains.contact_position), contact, slip)
     return Held(gains.object.mass, inertia, r, spatial(limits.weights), vec(limits.gravity), shared)
 
 
@@ -109,7 +104,7 @@ def estimate_contact(
     contact.slip_health = SensorHealth.SILENT.value if unknown else SensorHealth.OK.value
     if evidence.mounted != SensorHealth.OK:
         contact.slip_health = evidence.mounted
-    elif evidence.unseen_ns != NEVER and contact.age_ns + SEES_NS < stamp_ns - evidence.unseen_ns:
+    elif evidence.unseen_ns != NEVER and contact.age_ns + limits.friction.quiet_ns < stamp_ns - evidence.unseen_ns:
         contact.slip_health = SensorHealth.READS_NOTHING.value
 
 

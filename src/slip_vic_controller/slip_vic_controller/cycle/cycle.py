@@ -95,7 +95,7 @@ def cycle(config_buffer: Array, state_buffer: Array, exchange: Array) -> int:
     sense_all(configs, task, states, history, inputs, outputs)
     if configs[0].governor.mode != Governing.OFF and evaluates_law(states[0], outputs[0]):
         agree_on_friction(configs[0], task, states)
-        step_on_path(configs[0], task, states, inputs[0].arm, outputs[0], path_speed)
+        step_on_path(configs[0], task, states[0], inputs[0].arm, outputs[0], path_speed)
     answered, holds = 0, False
     for k in range(n):
         if evaluates_law(states[k], outputs[k]):

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 
 from slip_core.compiled import part
-from slip_core.records import Records
 from slip_core.vectors import NOTHING, mat, spatial, vec
-from slip_vic_controller.cycle.contact import begin_pad, held
+from slip_vic_controller.cycle.contact import held
 from slip_vic_controller.governor import governor
 from slip_vic_controller.governor.guard import hold_back, missing_load
 from slip_vic_controller.governor.layouts import GovernedPad, Governor
@@ -15,7 +14,6 @@ from slip_vic_controller.governor.load import Held
 from slip_vic_controller.governor.plan import GRID_POINTS, Governing, along, along_at, sample_time
 from slip_vic_controller.governor.step import Bounds, Pad
 from slip_vic_controller.law.arm import Arm
-from slip_vic_controller.law.gains import LawGains
 from slip_vic_controller.path.goals import (
     GoalPhase,
     Refusal,
@@ -42,42 +40,25 @@ CATCH_UP = 1.5
 
 
 @part
-def forget_friction(
-    config: ControllerConfig, task: TaskState, state: ArmState, arm: Arm, gains: LawGains, lead: bool
-) -> None:
-    """Reset a pad's friction to its configured value and replan from the current position.
+def rest_on_path(config: ControllerConfig, task: TaskState, arm: Arm, held_still: bool) -> None:
+    """Continue from rest where the path is; of a stream, where the first pad is.
 
-    A push makes a held object slip at a load that friction carries, and that load is learnt. lead: whether it is the
-    first pad.
-    """
-    begin_pad(config, state, arm, gains)
-    if lead:
-        governor.discard_plan(config.governor, task.governor)
-
-
-@part
-def rest_on_path(config: ControllerConfig, task: TaskState, arm: Arm) -> None:
-    """Continue from rest where the path is; of a stream, where the first pad is."""
-    if config.stream.on != 0:
-        rest_stream(task.stream, vec(arm.position), mat(arm.rotation))
-    task.governor.rate = 0.0
-    governor.steady(config.governor, task.governor)
-
-
-@part
-def rest_after_hold(config: ControllerConfig, task: TaskState, arm: Arm) -> None:
-    """Rest where the first pad is after a HOLD, until a reference comes; a goal is continued unless it is given up.
-
-    It is given up after a reset, and where the law could not be evaluated on the way, so that the arm can be enabled
-    again whatever the goal was.
+    After a HOLD (held_still) a reference by topic is where the first pad is, until a new one comes. A goal is continued
+    unless it is given up: after a reset, and where the law could not be evaluated on the way, so that the arm can be
+    enabled again whatever the goal was.
     """
     here = Reference(vec(arm.position), mat(arm.rotation), NOTHING, NOTHING)
-    if task.reference_known != 0:
-        put_reference(task.reference, here)
-    if task.forgets != 0 and config.goals.on != 0:
-        rest_at(task.goal, here)
-        governor.start_path(config.governor, task.governor)
-    task.forgets = 0
+    if config.stream.on != 0:
+        rest_stream(task.stream, here.position, here.rotation)
+    task.governor.rate = 0.0
+    governor.steady(config.governor, task.governor)
+    if held_still:
+        if task.reference_known != 0:
+            put_reference(task.reference, here)
+        if task.forgets != 0 and config.goals.on != 0:
+            rest_at(task.goal, here)
+            governor.start_path(config.governor, task.governor)
+        task.forgets = 0
 
 
 @part
@@ -157,20 +138,42 @@ def rate_limit(config: ControllerConfig, path: Governor, path_speed: float) -> f
 
 
 @part
+def seen_from(planned: Reference, arm: Arm, pad: GovernedPad) -> Pad:
+    """Return the first pad as seen from a point of its path."""
+    x = vec(arm.position) - planned.position
+    return Pad(x, mat(arm.rotation), spatial(arm.twist), spatial(pad.feedback))
+
+
+@part
+def step_on_path(
+    config: ControllerConfig, task: TaskState, state: ArmState, arm: Arm, outputs: CycleOutputs, path_speed: float
+) -> None:
+    """Do the path's cycle: planning, and the step on the path of the first pad.
+
+    Args:
+        config, state, arm, outputs: CONFIG, ARM_STATE, ARM and OUTPUTS of the first arm.
+        task: TASK_STATE.
+        path_speed: how fast the path may be followed for other reasons; 1 = not limited, 0 = come to rest.
+    """
+    dt = (state.joint.answers.stamp_ns - state.law.stamp_ns) * 1e-9
+    dt = dt if dt > 0.0 else 1e-9 * config.cycle.period_ns
+    grasped = held(config, state, outputs.gains)
+    if config.stream.on != 0:
+        follow_stream(config, task, state, arm, grasped, path_speed, dt)
+    elif config.goals.on != 0 and not take_governed_goal(config, task):
+        governor.allow(config.governor, task.governor)  # rests where it is
+    else:
+        follow_path(config, task, state, arm, grasped, path_speed, dt)
+
+
+@part
 def follow_stream(
-    config: ControllerConfig,
-    task: TaskState,
-    pad: GovernedPad,
-    arm: Arm,
-    now_ns: int,
-    grasped: Held,
-    path_speed: float,
-    dt: float,
+    config: ControllerConfig, task: TaskState, state: ArmState, arm: Arm, grasped: Held, path_speed: float, dt: float
 ) -> None:
     """Take the samples of a governed stream, find how fast it may be followed, and take the step on it."""
     path, stream, limits_of = task.governor, task.stream, config.governor
     governor.allow(limits_of, path)
-    if take_queued(config.stream, stream, path, now_ns):
+    if take_queued(config.stream, stream, path, state.joint.answers.stamp_ns):
         governor.steady(limits_of, path)
     if stream.count == 0:
         path.rate = 0.0
@@ -182,44 +185,8 @@ def follow_stream(
     now, K, ahead = at(stream, path.s), stream_bound(stream, path.s)[0], stream_bound(stream, path.s + dt * path.rate)
     most_rate, last = min(rate_limit(config, path, path_speed), catch_up), stream.points[stream.count - 1].time
     bounds = Bounds(K, ahead[0], ahead[1], most_rate, 1.0, stream.points[0].time, max(last, path.s))
-    governor.follow(limits_of, path, bounds, grasped, along_at(now, 1.0, 0.0), seen_from(now, arm, pad), dt)
+    governor.follow(limits_of, path, bounds, grasped, along_at(now, 1.0, 0.0), seen_from(now, arm, state.pad), dt)
     path.time, path.out_time = path.s, path.out_s
-
-
-@part
-def seen_from(planned: Reference, arm: Arm, pad: GovernedPad) -> Pad:
-    """Return the first pad as seen from a point of its path."""
-    x = vec(arm.position) - planned.position
-    return Pad(x, mat(arm.rotation), spatial(arm.twist), spatial(pad.feedback))
-
-
-@part
-def step_on_path(
-    config: ControllerConfig,
-    task: TaskState,
-    states: Records[ArmState],
-    arm: Arm,
-    outputs: CycleOutputs,
-    path_speed: float,
-) -> None:
-    """Do the path's cycle: planning, and the step on the path of the first pad.
-
-    Args:
-        config, arm, outputs: CONFIG, ARM and OUTPUTS of the first arm.
-        task, states: TASK_STATE, ARM_STATE of every arm.
-        path_speed: how fast the path may be followed for other reasons; 1 = not limited, 0 = come to rest.
-    """
-    first, path = states[0], task.governor
-    dt = (first.joint.answers.stamp_ns - first.law.stamp_ns) * 1e-9
-    dt = dt if dt > 0.0 else 1e-9 * config.cycle.period_ns
-    grasped = held(config, first, outputs.gains)
-    if config.stream.on != 0:
-        now_ns = first.joint.answers.stamp_ns
-        follow_stream(config, task, first.pad, arm, now_ns, grasped, path_speed, dt)
-    elif config.goals.on != 0 and not take_governed_goal(config, task):
-        governor.allow(config.governor, path)  # rests where it is
-    else:
-        follow_path(config, task, first, arm, grasped, path_speed, dt)
 
 
 @part

@@ -9,10 +9,12 @@ from slip_core.vectors import mat
 from slip_vic_controller.arm.estimator import stay_blind
 from slip_vic_controller.arm.plausibility import BLIND_S, is_blind
 from slip_vic_controller.contact.observer import reset
+from slip_vic_controller.cycle.contact import begin_pad
 from slip_vic_controller.cycle.finishing import finish
 from slip_vic_controller.cycle.gains import gains_now
-from slip_vic_controller.cycle.governing import forget_friction, rest_after_hold, rest_on_path
+from slip_vic_controller.cycle.governing import rest_on_path
 from slip_vic_controller.cycle.wrench import arm_of_load, own_wrench
+from slip_vic_controller.governor.governor import discard_plan
 from slip_vic_controller.governor.plan import Governing
 from slip_vic_controller.law.contact import pad_rotation
 from slip_vic_controller.safety.conditions import Reason, because, of_fault
@@ -40,7 +42,10 @@ def prepare(
         known_anew = decision.request == Request.RESET_FAULT or decision.reweighed != 0
         if known_anew and config.governor.mode != Governing.OFF:
             gains_now(state, state.joint.answers.stamp_ns, outputs)
-            forget_friction(config, task, state, inputs.arm, outputs.gains, lead)
+            # A push makes a held object slip at a load that friction carries, and that load has been learnt.
+            begin_pad(config, state, inputs.arm, outputs.gains)
+            if lead:
+                discard_plan(config.governor, task.governor)
         frozen_s = 1e-9 * (inputs.now_ns - state.joint.equal_since_ns)
         blind = frozen_s > BLIND_S and holds_for(state.mode, Reason.JOINT_STATE.value, Reason.FROZEN.value)
         if blind or is_blind(config.estimator, state.estimate):
@@ -51,9 +56,7 @@ def prepare(
         # After a HOLD the path starts from rest; and the time that passed in it is not part of the path.
         if lead:
             task.path.scale, task.path.rate = (1.0 if decision.entered == Mode.WAITING_INPUT else 0.0), 0.0
-            rest_on_path(config, task, inputs.arm)
-            if decision.entered != Mode.WAITING_INPUT:
-                rest_after_hold(config, task, inputs.arm)
+            rest_on_path(config, task, inputs.arm, decision.entered != Mode.WAITING_INPUT)
         state.hold.known, state.hold.load_error[:] = 0, 0.0
         forget(state.observed)
         if config.cycle.has_observer != 0:

@@ -1,8 +1,8 @@
 """The reference governor: how fast the path is followed, so that the load stays within what friction carries.
 
-A cycle calls, in this order: `record_load` and `slip_sample` for every slip sample, `sample_point` for every point of a
-path that has no plan yet, `run`, then its law with `governed` as reference, then `hold_back` with the law's a_C. All of
-it is in place and deterministic: its memory is GOVERNOR, PAD and PATH_GRID.
+A cycle calls, in this order: `sample_point` for every point of a path that has no plan yet, `run`, then its law with
+`governed` as reference, then `hold_back` with the law's a_C. All of it is in place and deterministic: its memory is
+GOVERNOR, PAD and PATH_GRID.
 
 The path is planned as a whole, in the cycle in which it begins and in every one in which the load that it may use has
 changed by REPLAN.

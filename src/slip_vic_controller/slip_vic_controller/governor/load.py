@@ -22,18 +22,17 @@ from slip_core.vectors import ZERO, Mat, Spatial, Vec
 class Shared(NamedTuple):
     """How several pads with one normal share a wrench, in the metric of the limit surface; on pad axes.
 
-    contacts: how many; middle: mean of their r_j [m]; inverse: of the matrix that turns a torque into y [1/m^2]; arm:
-    sqrt(d^2 + rho^2), the load that y puts on the pad farthest from the middle [m]; radius: rho [m]; law/internal.py.
+    contacts: how many; middle: mean of their r_j [m]; inverse: of the matrix that turns a torque into y [1/m^2]; reach:
+    sqrt(d^2 + rho^2) rho, the torque that y puts on the pad farthest from the middle [m^2]; law/internal.py.
     """
 
     contacts: int
     middle: Vec
     inverse: Mat
-    arm: float
-    radius: float
+    reach: float
 
 
-ALONE = Shared(1, ZERO, Mat(ZERO, ZERO, ZERO), 0.0, 0.0)
+ALONE = Shared(1, ZERO, Mat(ZERO, ZERO, ZERO), 0.0)
 """One pad holds the object."""
 SPIN_SHARE: Final = 0.1
 """Of several pads: load of turning over load of accelerating at which the bound on the worse pad is exact."""
@@ -64,10 +63,8 @@ def at_contact(held: Held, force: Vec, torque: Vec) -> Spatial:
     if held.shared.contacts == 1:
         return held.weights * Spatial(force, torque - held.r.cross(force))
     y = held.shared.inverse @ (torque - held.shared.middle.cross(force))
-    return held.weights * Spatial(
-        (math.sqrt(1.0 + SPIN_SHARE) / held.shared.contacts) * force,
-        (math.sqrt(1.0 + 1.0 / SPIN_SHARE) * held.shared.arm * held.shared.radius) * y,
-    )
+    turns = (math.sqrt(1.0 + 1.0 / SPIN_SHARE) * held.shared.reach) * y
+    return held.weights * Spatial((math.sqrt(1.0 + SPIN_SHARE) / held.shared.contacts) * force, turns)
 
 
 @part
