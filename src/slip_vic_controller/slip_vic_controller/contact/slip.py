@@ -142,13 +142,10 @@ def is_confirmed(config: ObserverConfig, state: Observer, row: Row) -> bool:
             noise, time = row.velocity_variance[i], config.window_ticks * row.dt
             doubt = noise + math.sqrt(row.change_variance[i] * config.measurement_variance[i])
             confirmed = confirmed and x.P_vv < config.stick_P_vv[i] + doubt
-            if noise > 0.0:
-                # Of b and c apart little is known where the force is steady: what counts is b + c f.
-                f = row.force[i]
-                P_error = x.P_bb + 2.0 * f * x.P_bc + f * f * x.P_cc
-                confirmed = confirmed and P_error * time * time < config.stick_P_bb[i] * time * time + 2.0 * noise
-            else:
-                confirmed = confirmed and x.P_bb < config.stick_P_bb[i]
+            # Of b and c apart little is known where the force is steady: what counts is b + c f.
+            f = row.force[i]
+            P_error = x.P_bb + 2.0 * f * x.P_bc + f * f * x.P_cc
+            confirmed = confirmed and P_error * time * time < config.stick_P_bb[i] * time * time + 2.0 * noise
     return confirmed
 
 

@@ -13,8 +13,8 @@ velocities accelerates where nothing is commanded. Means of vectors come before 
 
 Assumptions: one arm, whose mass and wrench are right to SCATTERS (a tare sees to both where the weight is not in the
 slip plane). What a wrong mass claims is believed once, until a load that counts has been carried in full: it costs the
-share of the load by which the mass is wrong, and no more. A load below
-LEAST_FRICTION F is none that friction ends at, but what a bias of the wrench leaves of a small one.
+share of the load by which the mass is wrong, and no more. A load below LEAST_FRICTION F is none that friction ends at,
+but what a bias of the wrench leaves of a small one.
 """
 
 from __future__ import annotations
@@ -71,12 +71,6 @@ def start_evidence(state: WrenchEvidence) -> None:
 
 
 @part
-def mean(before: Spatial, now: Spatial, share: float) -> Spatial:
-    """Return a mean with a new value of weight `share` taken in."""
-    return before + share * (now - before)
-
-
-@part
 def lacks_load(
     state: WrenchEvidence, contact: ContactEstimate, commanded: float, needed: Spatial, measured: Spatial, F: float,
     stamp_ns: int, dt: float,
@@ -95,7 +89,8 @@ def lacks_load(
     """
     share = 1.0 - math.exp(-dt / MEAN_S)
     state.commanded += share * (commanded - state.commanded)
-    need, load = mean(spatial(state.needed), needed, share), mean(spatial(state.measured), measured, share)
+    need, load = spatial(state.needed), spatial(state.measured)
+    need, load = need + share * (needed - need), load + share * (measured - load)
     put_spatial(state.needed, need)
     put_spatial(state.measured, load)
     if contact.slipping != 0:

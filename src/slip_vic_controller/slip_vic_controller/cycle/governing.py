@@ -8,7 +8,7 @@ from slip_core.compiled import part
 from slip_core.vectors import NOTHING, mat, spatial, vec
 from slip_vic_controller.cycle.contact import held
 from slip_vic_controller.governor import governor
-from slip_vic_controller.governor.guard import hold_back, missing_load
+from slip_vic_controller.governor.guard import hold_back
 from slip_vic_controller.governor.layouts import GovernedPad, Governor
 from slip_vic_controller.governor.load import Held
 from slip_vic_controller.governor.plan import GRID_POINTS, Governing, along, along_at, sample_time
@@ -243,9 +243,6 @@ def guard(
         hold_back(config.governor, ceiling, pad, grasped, R, v_ee.angular, a_C, a_d, slides)
         pad.guard = 1.0
         return 1.0
-    if not slips:
-        law = outputs.law
-        ceiling += missing_load(pad.commanded, pad.measured, ceiling, law.error_linear, law.error_angular)
     return hold_back(config.governor, ceiling, pad, grasped, R, v_ee.angular, a_C, a_d, slides)
 
 

@@ -42,10 +42,9 @@ REPLAN: Final = 5e-3
 of that load."""
 ARRIVED_SHARE: Final = 1e-6
 """Share of the path that may be left when it counts as completed."""
-LED_S: Final = 1.0
-"""How long a slipping object may lead a path that hardly moves: pads that tremble slip to and fro endlessly [s]."""
-LED_LATE_S: Final = 0.2
-"""The same of one that has to be braked [s]."""
+LED_S: Final = 0.2
+"""How long a slipping object may lead a path that hardly moves, since pads that tremble slip to and fro endlessly, or
+one that has to be braked [s]."""
 BACK: Final = 1e-3
 """How near its path the pad has come back when an overrun is over, where it can stop on the path again [m]."""
 
@@ -311,7 +310,7 @@ def watch_lead(config: GovernorConfig, state: Governor, point: Along, K: float, 
         crawls = state.rate * state.rate * pace(config, point) < SLOWEST * SLOWEST
         late = state.rate * state.rate > OVER * K
         state.led_s = state.led_s + dt if crawls or late else 0.0
-        state.endless = 1 if state.led_s > (LED_S if crawls else LED_LATE_S) else 0
+        state.endless = 1 if state.led_s > LED_S else 0
 
 
 @part

@@ -11,13 +11,6 @@ from slip_vic_controller.governor.layouts import GovernedPad, GovernorConfig
 from slip_vic_controller.governor.load import Held, drawn, size, turning, weight
 from slip_vic_controller.governor.plan import Governing
 
-FAR: Final = 0.01
-FAR_TURNED: Final = 0.05
-"""Distance from the reference [m], [rad] from which the load that comes about counts, fully from twice of it."""
-BEYOND: Final = 1.2
-"""Share of what friction carries, which a measured load is beyond with more than its noise."""
-COMES_ABOUT: Final = 0.98
-"""Share of the commanded load that is none missing: a period's change of it is measured a period later."""
 BRAKES: Final = 1.1
 """Of the load of the weight alone, where the estimate of friction does not carry that: the arm has to brake."""
 
@@ -43,25 +36,6 @@ def guard_factor(drawn: Spatial, rest: Spatial, F: float) -> float:
         return min((math.sqrt(d) - b) / a, 1.0)
     root = math.sqrt(b * b - a * c)
     return -c / (b + root) if b > 0.0 else (root - b) / a
-
-
-@part
-def missing_load(commanded: float, measured: float, F: float, error_linear: float, error_angular: float) -> float:
-    """Return what is missing of the load that was commanded, where the pad is far from its reference [N].
-
-    There something else takes that much of the arm's acceleration, as gravity that is compensated by too little. Held
-    back to what friction would carry if all of it came about, the arm would give way to that for ever. A load beyond F
-    of an object that does not slip comes from elsewhere too, as a push or a bias of the sensor, which the law makes a
-    push: as much again brings the arm back.
-
-    Args:
-        commanded, measured: load [N].
-        F: what friction carries [N].
-        error_linear, error_angular: distance from the reference [m], [rad].
-    """
-    far = max(error_linear / FAR, error_angular / FAR_TURNED)
-    lacks = max(COMES_ABOUT * commanded - measured, 2.0 * (measured - BEYOND * F), 0.0)
-    return min(max(far - 1.0, 0.0), 1.0) * lacks
 
 
 @part
