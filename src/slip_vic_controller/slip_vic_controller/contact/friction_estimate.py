@@ -122,11 +122,8 @@ def remember(state: FrictionEvidence, stamp_ns: int, measured: float, commanded:
 
 @part
 def index_at(state: FrictionEvidence, stamp_ns: int) -> int:
-    """Return the place of the newest load that is not younger than a stamp, else of the oldest; -1: there is none."""
-    newest = state.count - 1
-    oldest = max(state.count - LOADS, 0)
-    if newest < 0:
-        return -1
+    """Return the place of the newest load that is not younger than a stamp, else of the oldest."""
+    newest, oldest = state.count - 1, max(state.count - LOADS, 0)
     while newest > oldest and state.loads[newest % LOADS].stamp_ns > stamp_ns:
         newest -= 1
     return int(newest % LOADS)
@@ -136,7 +133,7 @@ def index_at(state: FrictionEvidence, stamp_ns: int) -> int:
 def certify(config: FrictionConfig, contact: ContactEstimate, state: FrictionEvidence, now_ns: int) -> None:
     """Let the load of a cycle count as carried, once the slip sensor would have shown otherwise."""
     i = index_at(state, now_ns - config.sensor_delay_ns)
-    if contact.slipping == 0 and i >= 0 and state.loads[i].stamp_ns <= now_ns - config.sensor_delay_ns:
+    if contact.slipping == 0 and state.loads[i].stamp_ns <= now_ns - config.sensor_delay_ns:
         load = state.loads[i]
         contact.carried = min(max(contact.carried, load.commanded), contact.F_median)
         state.most_carried = max(state.most_carried, min(load.commanded, load.measured, contact.F_median))
@@ -172,7 +169,7 @@ def gives_way(
     if length < config.pre_sliding:
         return True
     doubted = PLAUSIBLE * max(contact.carried, PLAUSIBLE * state.most_carried)
-    return i >= 0 and length < GIVES_M and slipping_load(config, state, i) < doubted
+    return length < GIVES_M and slipping_load(config, state, i) < doubted
 
 
 @part
@@ -220,9 +217,8 @@ def slip_sample(
     if not slips and state.said < (config.confirmed if found else config.witnesses):
         return
     contact.slipping, contact.slip_ns = 1, max(stamp_ns, contact.slip_ns)
-    i = index_at(state, state.said_ns)
-    if not slips and i >= 0:
-        learn_carried(config, contact, state, slipping_load(config, state, i))
+    if not slips:
+        learn_carried(config, contact, state, slipping_load(config, state, index_at(state, state.said_ns)))
 
 
 @part

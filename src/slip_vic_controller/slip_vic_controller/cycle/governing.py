@@ -102,11 +102,9 @@ def judge_governed_goal(config: ControllerConfig, task: TaskState) -> None:
 def goal_progress(task: TaskState) -> float:
     """Return which share of the time of its path has passed."""
     goal, path = task.goal, task.governor
-    if goal.phase == GoalPhase.REACHED:
-        return 1.0
-    if goal.phase == GoalPhase.RESTS or goal.phase == GoalPhase.PLANS:
-        return 0.0
-    return min(max(path.out_time / path.duration, 0.0), 1.0)
+    if goal.phase == GoalPhase.STOPS or goal.phase == GoalPhase.MOVES:
+        return min(max(path.out_time / path.duration, 0.0), 1.0)
+    return 1.0 if goal.phase == GoalPhase.REACHED else 0.0
 
 
 @part
@@ -148,12 +146,9 @@ def seen_from(planned: Reference, arm: Arm, pad: GovernedPad) -> Pad:
 def step_on_path(
     config: ControllerConfig, task: TaskState, state: ArmState, arm: Arm, outputs: CycleOutputs, path_speed: float
 ) -> None:
-    """Do the path's cycle: planning, and the step on the path of the first pad.
+    """Do the path's cycle: planning, and the step on the path of the first pad; config, state, ...: of the first arm.
 
-    Args:
-        config, state, arm, outputs: CONFIG, ARM_STATE, ARM and OUTPUTS of the first arm.
-        task: TASK_STATE.
-        path_speed: how fast the path may be followed for other reasons; 1 = not limited, 0 = come to rest.
+    path_speed: how fast the path may be followed for other reasons; 1 = not limited, 0 = come to rest.
     """
     dt = (state.joint.answers.stamp_ns - state.law.stamp_ns) * 1e-9
     dt = dt if dt > 0.0 else 1e-9 * config.cycle.period_ns

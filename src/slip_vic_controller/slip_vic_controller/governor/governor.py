@@ -122,7 +122,7 @@ def sample_point(
     time = sample_time(config.mode, i, state.duration)
     most_rate = FASTEST if config.mode == Governing.TIME_OPTIMAL else 1.0
     limits = most_rate, config.most_speed, config.most_turning
-    take_point(grid, i, time, along(config, state.duration, time, planned), held, limits)
+    take_point(grid.points, i, time, along(config, state.duration, time, planned), held, limits)
     heavy = math.sqrt(grid.points[i].cc)
     if i == 0 or heavy > state.weight_load:
         state.weight_load, state.heaviest_time = heavy, time

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from enum import IntEnum, unique
-from typing import Annotated, Final, NamedTuple, Protocol
+from typing import Annotated, Final, NamedTuple
 
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Records, dtype_of
@@ -73,14 +73,6 @@ class PathGrid(Record):
 GRID_POINT, PATH_GRID = dtype_of(GridPoint), dtype_of(PathGrid)
 
 
-class Sampled(Protocol):
-    """A record with points: the grid of a path, or a stream."""
-
-    @property
-    def points(self) -> Records[GridPoint]:
-        """The points, in order."""
-
-
 class Along(NamedTuple):
     """A point of the path over s {w}: attitude, first and second derivative; ds/dt of the user's time and its rate."""
 
@@ -129,11 +121,13 @@ def along_at(planned: Reference, speed: float, bend: float) -> Along:
 
 
 @part
-def take_point(grid: Sampled, i: int, time: float, at: Along, held: Held, limits: tuple[float, float, float]) -> None:
-    """Write point i of the grid; the points before it are known.
+def take_point(
+    points: Records[GridPoint], i: int, time: float, at: Along, held: Held, limits: tuple[float, float, float]
+) -> None:
+    """Write point i; the points before it are known.
 
     Args:
-        grid: PATH_GRID.
+        points: of the grid of a path, or of a stream.
         i: index.
         time: of the user's path [s].
         at: the path there.
@@ -141,11 +135,11 @@ def take_point(grid: Sampled, i: int, time: float, at: Along, held: Held, limits
         limits: largest sdot, and of the pad's twist [m/s], [rad/s].
     """
     most_rate, most_speed, most_turning = limits
-    point = grid.points[i]
+    point = points[i]
     point.time, point.speed, point.bend = time, at.speed, at.bend
     point.s = 0.0
     if i > 0:
-        before = grid.points[i - 1]
+        before = points[i - 1]
         h = time - before.time
         point.s = before.s + 0.5 * h * (before.speed + at.speed) + h * h / 12.0 * (before.bend - at.bend)
     l_u = drawn(held, at.rotation, at.tangent)

@@ -139,7 +139,7 @@ def plan_stream(
     first = stream.fresh
     for i in range(first, n):
         along = along_at(read_reference(stream.samples[i]), 1.0, 0.0)
-        take_point(stream, i, stream.points[i].time, along, held, limits)
+        take_point(stream.points, i, stream.points[i].time, along, held, limits)
     if first >= n and not again:
         return
     stream.load, stream.fresh = F, n
