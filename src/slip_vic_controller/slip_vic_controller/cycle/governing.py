@@ -201,8 +201,7 @@ def follow_path(
         return
     planned = path_at(config, task, state, path.time)
     point, seen = along(config.governor, path.duration, path.time, planned), seen_from(planned, arm, state.pad)
-    most_rate = rate_limit(config, path, path_speed)
-    governor.run(config.governor, path, task.grid, grasped, point, seen, most_rate, dt)
+    governor.run(config.governor, path, task.grid, grasped, point, seen, rate_limit(config, path, path_speed), dt)
     if config.goals.on != 0:
         judge_governed_goal(config, task)
 
@@ -228,9 +227,8 @@ def guard(
     """Return the factor on a_C with which friction carries the object, and keep what the next cycle needs of it."""
     a_C, a_d, v_ee = spatial(outputs.law.a_C), spatial(outputs.law.a_d), spatial(arm.twist)
     R, pad, ceiling = mat(arm.rotation), state.pad, task.governor.ceiling
-    slips = pad.contact.slipping != 0
     # Without compensation the impedance drags at an object that has overrun its path, the more the farther it is off.
-    slides = slips and (config.governor.led == 0 or task.governor.overrun == 0)
+    slides = pad.contact.slipping != 0 and (config.governor.led == 0 or task.governor.overrun == 0)
     if config.law.contacts > 1:
         # What gives way to the internal wrench moves no object; and one arm that holds back alone would pull at it.
         gains = outputs.gains.gains
