@@ -17,8 +17,7 @@ class YourLaw:
 
     def step(self, seen: slip_vic.Seen) -> slip_vic.Pad:  # noqa: D102
         wanted = self.setup.reference(seen.time)
-        turn = 0.5 * sum(np.cross(seen.rotation[:, k], wanted.rotation[:, k]) for k in range(3))
-        error = np.concatenate((wanted.position - seen.position, turn))
+        error = seen.way_to(wanted)
         self.grip = max(self.grip, self.setup.grip + 20.0 * float(np.linalg.norm(seen.slip[:3])))
         return slip_vic.Pad(wanted.acceleration + 100.0 * error + 20.0 * (wanted.twist - seen.twist), self.grip)
 

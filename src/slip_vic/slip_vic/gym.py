@@ -76,9 +76,7 @@ class Carry(gymnasium.Env):
         """Begin an episode; the seed is that of the sensors' noise."""
         super().reset(seed=seed)
         noise = int(self.np_random.integers(2**31))
-        scenario = load_scenario(
-            self._name, law="classical", sensor=self._sensor, seed=noise, assignments=self._set
-        )  # fmt: skip
+        scenario = load_scenario(self._name, law="classical", sensor=self._sensor, seed=noise, assignments=self._set)
         if scenario.several:
             raise InputError("Carry-v0: scenario", got=self._name, expected="a scenario with one arm")
         self._hand = _Hand()
@@ -99,28 +97,22 @@ class Carry(gymnasium.Env):
             tick = next(self._ticks, None)
             if tick is None:
                 break
-            self._last = self._info(tick)
+            self._info(tick)
             reward -= hand.setup.period_s * (
                 100.0 * _size(tick.outputs.arms[0].readings.truth.slip_velocity)
-                + 10.0 * _size(self._errors()[0]) + grip / most
+                + 10.0 * _size(hand.seen.way_to(hand.setup.reference(hand.seen.time))) + grip / most
             )  # fmt: skip
             if any(one.kind in ("lost", "fault") for one in tick.incidents):
                 return self._observed(), reward, True, False, self._last
         failed = bool(self._driven.failure)
         return self._observed(), reward, failed, tick is None and not failed, self._last
 
-    def _errors(self) -> tuple[Array, Array]:
-        """Return the error of the pad's pose and twist; (6,) [m, rad], (6,) [m/s, rad/s]."""
-        seen = self._hand.seen
-        path = self._hand.setup.reference(seen.time)
-        turn = 0.5 * np.cross(seen.rotation, path.rotation, axis=0).sum(axis=1)
-        return np.concatenate((path.position - seen.position, turn)), path.twist - seen.twist
-
     def _observed(self) -> Array:
         seen, setup = self._hand.seen, self._hand.setup
         path = setup.reference(seen.time)
         share = min(seen.time / max(setup.duration_s, setup.period_s), 1.0)
-        parts = (*self._errors(), path.twist, path.acceleration, seen.wrench, seen.slip)
+        errors = seen.way_to(path), path.twist - seen.twist
+        parts = (*errors, path.twist, path.acceleration, seen.wrench, seen.slip)
         return np.concatenate((*parts, [seen.grip / setup.most_grip, share])).astype(np.float32)
 
     def _info(self, tick: Tick) -> dict[str, Any]:

@@ -111,8 +111,7 @@ def test_a_law_of_accelerations_follows_its_path_on_drives_with_loops_of_their_o
 
     def step(seen: Any) -> Any:
         wanted = own.setup.reference(seen.time)
-        turn = 0.5 * np.cross(seen.rotation, wanted.rotation, axis=0).sum(axis=1)
-        error = np.concatenate((wanted.position - seen.position, turn))
+        error = seen.way_to(wanted)
         errors.append((np.linalg.norm(error), np.linalg.norm(wanted.twist[:3])))
         return slip_vic.Pad(wanted.acceleration + 100.0 * error + 20.0 * (wanted.twist - seen.twist))
 

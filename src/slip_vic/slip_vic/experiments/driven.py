@@ -7,7 +7,7 @@ away it goes to FAULT, which ends the run. Its effort is not applied.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from functools import partial
 from typing import Any, Final
 
@@ -104,7 +104,6 @@ class Driven:
         limits = [params.grip.force_limit for params in scenario.controllers.values()]
         self._most_grip = min(limits) if most_grip is None else most_grip
         self._arms = [_Arm(scenario, name) for name in scenario.controllers]
-        self._several = len(self._arms) > 1
         self.failure = ""
         self.grips: list[float] = []
 
@@ -132,12 +131,11 @@ class Driven:
         except (Exception, SystemExit) as error:  # a law is someone else's
             raise LawError(f"{method} raises {type(error).__name__}: {' '.join(str(error).split())}") from error
 
-    def _answers(self, given: object) -> Sequence[object]:
-        if not self._several:
-            return (given,)
-        if not isinstance(given, tuple) or len(given) != len(self._arms):
-            raise LawError(f"step returns {type(given).__name__}; expected a tuple of {len(self._arms)} answers")
-        return given
+    def _answers(self, given: object) -> tuple[object, ...]:
+        answers = given if isinstance(given, tuple) else (given,)
+        if len(answers) != len(self._arms):
+            raise LawError(f"step returns {len(answers)} answers; expected {len(self._arms)}")
+        return answers
 
     def _apply(self, tick: Tick, k: int, answer: object) -> None:
         """Put an answer into a tick, through the limits of the drives."""

@@ -13,6 +13,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import ClassVar, Final, Protocol, cast, runtime_checkable
 
+import numpy as np
+
 from slip_core.arrays import Array
 from slip_core.errors import InputError, UnknownName
 from slip_core.types import JointSample, SlipSample, WrenchSample
@@ -104,6 +106,11 @@ class Seen:
     wrenches: tuple[WrenchSample, ...]
     slips: tuple[SlipSample, ...]
     others: tuple[Seen, ...] = field(default=())
+
+    def way_to(self, wanted: Reference) -> Array:
+        """Return how far the pad is from a reference; (6,) [m, rad] {w}, small turns."""
+        turn = 0.5 * np.cross(self.rotation, wanted.rotation, axis=0).sum(axis=1)
+        return np.concatenate((wanted.position - self.position, turn))
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,9 +28,8 @@ class MotionLaw(ABC):
     def step(self, seen: Seen) -> Answer:
         """Answer a tick."""
         wanted = self.wanted(seen)
-        turn = 0.5 * np.cross(seen.rotation, wanted.rotation, axis=0).sum(axis=1)
-        error = np.concatenate((wanted.position - seen.position, turn))
-        return Pad(wanted.acceleration + self._stiffness * error + self._damping * (wanted.twist - seen.twist))
+        error = self._stiffness * seen.way_to(wanted)
+        return Pad(wanted.acceleration + error + self._damping * (wanted.twist - seen.twist))
 
     @abstractmethod
     def wanted(self, seen: Seen) -> Reference:
