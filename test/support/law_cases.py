@@ -12,10 +12,10 @@ from slip_core.arrays import Array
 from slip_core.records import Record, Records, dtype_of, new, place, record
 from slip_vic.law import GIVEN, MEMORY
 from slip_vic_controller.contact.layouts import MOTION
-from slip_vic_controller.law.arm import ARM
+from slip_vic_controller.law.arm import ARM, Pose
 from slip_vic_controller.law.attitude import Coordinates
 from slip_vic_controller.law.config import LAW_CONFIG
-from slip_vic_controller.law.contact import ContactSample, Slip, integrate_slips
+from slip_vic_controller.law.contact import ContactSample, integrate_slips
 from slip_vic_controller.law.gains import LAW_GAINS
 from slip_vic_controller.law.law import EVALUATION, evaluate, predict_motion, scale_acceleration
 from slip_vic_controller.law.symbols import SLIP_ESTIMATE, SYMBOLS, published, symbols
@@ -38,7 +38,7 @@ class Samples(Record):
 class Slips(Record):
     """A slip displacement of each contact."""
 
-    at: Annotated[Records[Slip], MAX_CONTACTS]
+    at: Annotated[Records[Pose], MAX_CONTACTS]
 
 
 SAMPLES, SLIPS = dtype_of(Samples), dtype_of(Slips)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import functools
 import re
 from collections.abc import Mapping, Sequence
+from operator import attrgetter
 from typing import Any, TypeVar
 
 from pydantic import create_model
@@ -75,7 +76,7 @@ def shared(params: Mapping[str, Model], names: Sequence[str], why: str) -> None:
 
     Args:
         params: by arm.
-        names: of the parameters, those of the model itself.
+        names: of the parameters.
         why: there is one of them.
 
     Raises:
@@ -84,5 +85,5 @@ def shared(params: Mapping[str, Model], names: Sequence[str], why: str) -> None:
     first, *others = params
     for name in names:
         for other in others:
-            if getattr(params[other], name) != getattr(params[first], name):
+            if attrgetter(name)(params[other]) != attrgetter(name)(params[first]):
                 raise InputError(f"parameter {name}", got=f"different values of {first} and {other}", expected=why)

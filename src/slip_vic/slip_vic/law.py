@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike
 from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.records import layout, new, record
-from slip_vic_controller.law.arm import ARM
+from slip_vic_controller.law.arm import ARM, POSE
 from slip_vic_controller.law.attitude import Coordinates
 from slip_vic_controller.law.config import LAW_CONFIG
-from slip_vic_controller.law.contact import CONTACT_SAMPLE, SLIP
+from slip_vic_controller.law.contact import CONTACT_SAMPLE
 from slip_vic_controller.law.gains import LAW_GAINS
 from slip_vic_controller.law.law import EVALUATION, evaluate
 from slip_vic_controller.path.paths import REFERENCE
@@ -25,7 +25,7 @@ EVERYTHING: Final = (1.0,) * 6
 GRAVITY: Final = (0.0, 0.0, -9.81)
 MEMORY = layout([("posture", "f8", MAX_JOINTS), ("e_previous", "f8", 3)])
 GIVEN = layout([
-    ("gains", LAW_GAINS), ("samples", CONTACT_SAMPLE, MAX_CONTACTS), ("slips", SLIP, MAX_CONTACTS),
+    ("gains", LAW_GAINS), ("samples", CONTACT_SAMPLE, MAX_CONTACTS), ("slips", POSE, MAX_CONTACTS),
     ("reference", REFERENCE), ("follow_error", "f8", 6), ("law", EVALUATION),
 ])  # fmt: skip
 

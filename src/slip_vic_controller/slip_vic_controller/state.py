@@ -15,16 +15,16 @@ from slip_vic_controller.governor.grip import Grip, GripConfig
 from slip_vic_controller.governor.layouts import GovernedPad, Governor, GovernorConfig
 from slip_vic_controller.governor.plan import PathGrid
 from slip_vic_controller.interfaces import WrenchSensor
-from slip_vic_controller.law.arm import Arm
+from slip_vic_controller.law.arm import Arm, DesiredMotion, Pose
 from slip_vic_controller.law.config import LawConfig
-from slip_vic_controller.law.contact import ContactSample, Slip
+from slip_vic_controller.law.contact import ContactSample
 from slip_vic_controller.law.extensions import CompensationState
 from slip_vic_controller.law.gains import LawGains, Ramp
 from slip_vic_controller.law.law import Evaluation
 from slip_vic_controller.law.symbols import SlipEstimate
 from slip_vic_controller.path.goals import Goal, GoalsConfig
 from slip_vic_controller.path.path_scaling import PathScaling
-from slip_vic_controller.path.paths import DesiredMotion, Grasp, Path
+from slip_vic_controller.path.paths import Path
 from slip_vic_controller.path.stream import Stream, StreamConfig
 from slip_vic_controller.safety.conditions import REASONS, Condition, ConditionsConfig, Health, WhyRecord
 from slip_vic_controller.safety.drop_detection import DropDetectionConfig, ObservedMotion
@@ -125,7 +125,7 @@ class LawState(Record):
     position: Joints  # rad; the last finite joint position
     gravity: Joints  # N m; g there
     e_previous: Vec3  # rad
-    slips: Annotated[Records[Slip], MAX_CONTACTS]
+    slips: Annotated[Records[Pose], MAX_CONTACTS]
     ramp: Ramp
     slip_latency: SlipLatency
     held: Whole  # delays in cycles
@@ -160,7 +160,7 @@ class ArmState(Record):
     observer: Observer
     pad: GovernedPad
     grip: Grip
-    grasp: Grasp  # its pad as the first arm's pad saw it when the law began
+    grasp: Pose  # its pad as the first arm's pad saw it when the law began
     estimate: JointEstimate
     motion: MotionCommand  # where the drives take velocities or positions
     tare: Tare
@@ -259,7 +259,7 @@ class CycleOutputs(Record):
     governor: Governed
     wanted: Joints  # N m; before limit avoidance
     samples: Annotated[Records[ContactSample], MAX_CONTACTS]
-    slips: Annotated[Records[Slip], MAX_CONTACTS]
+    slips: Annotated[Records[Pose], MAX_CONTACTS]
     follow_error: Vec6  # m/s^2, rad/s^2 {ee}
     gains: LawGains
     reference: DesiredMotion

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from slip_core.records import new, record
 from slip_vic_controller.law import contact as law
-from slip_vic_controller.law.contact import CONTACT, SLIP
+from slip_vic_controller.law.arm import POSE
+from slip_vic_controller.law.contact import CONTACT
 from test.referees.law_referee import Phi1, S, exponential, grasp_matrix_parts, jacobian_series, slip_acceleration, two
 from test.support.call import call, flat
 from test.support.law_cases import random_case
@@ -25,8 +26,8 @@ sixes = st.tuples(*[st.floats(-10.0, 10.0)] * 6).map(np.array)
 
 
 def slip_of(position: np.ndarray, rotation: np.ndarray) -> np.ndarray:
-    buffer = new(SLIP)
-    record(buffer, SLIP).position[:], record(buffer, SLIP).rotation[:] = position, rotation
+    buffer = new(POSE)
+    record(buffer, POSE).position[:], record(buffer, POSE).rotation[:] = position, rotation
     return buffer
 
 
@@ -55,7 +56,7 @@ def grasp(r: np.ndarray, x: np.ndarray, w_o: np.ndarray) -> list[np.ndarray]:
 
 
 def integrate_slip(slip: np.ndarray, v_s: np.ndarray, dt: float) -> np.ndarray:
-    out = new(SLIP)
+    out = new(POSE)
     call(law.integrate_slip, slip, v_s, dt, out)
     return out
 
@@ -158,11 +159,11 @@ def test_slip_displacement_of_a_constant_twist_is_exact() -> None:
     for seed in range(2):
         rng = np.random.default_rng(seed)
         start, twist = slip_of(rng.normal(size=3), exponential(rng.normal(size=3))), rng.normal(size=6)
-        whole = record(integrate_slip(start, twist, 1.0), SLIP)
-        half = record(integrate_slip(integrate_slip(start, twist, 0.5), twist, 0.5), SLIP)
+        whole = record(integrate_slip(start, twist, 1.0), POSE)
+        half = record(integrate_slip(integrate_slip(start, twist, 0.5), twist, 0.5), POSE)
         np.testing.assert_allclose(half.position, whole.position, atol=ROUNDING)
         np.testing.assert_allclose(half.rotation, whole.rotation, atol=ROUNDING)
-        position, rotation = record(start, SLIP).position.copy(), record(start, SLIP).rotation.copy()
+        position, rotation = record(start, POSE).position.copy(), record(start, POSE).rotation.copy()
         steps = 20_000
         small = np.eye(3) + S(twist[3:]) / steps + S(twist[3:]) @ S(twist[3:]) / (2 * steps**2)
         for _ in range(steps):
@@ -178,7 +179,7 @@ def test_every_contact_slips_along_its_own_axes() -> None:
     case.move_slips(0.01)
     for i in range(3):
         axes, twist = case.config.contact[i].slip_axes, case.samples[i].slip_twist
-        expected = record(integrate_slip(before[i], np.array(axes * twist), 0.01), SLIP)
+        expected = record(integrate_slip(before[i], np.array(axes * twist), 0.01), POSE)
         assert (case.slips[i].position == expected.position).all()
         assert (case.slips[i].rotation == expected.rotation).all()
     assert (case.slips[3].rotation == 0.0).all()

@@ -1,4 +1,4 @@
-"""The arm as the law sees it: a record of pose, motion, Jacobian, inertia and torques at one joint state."""
+"""The arm as the law sees it, and how it should move: pose, motion, Jacobian, inertia, torques at one joint state."""
 
 from __future__ import annotations
 
@@ -27,14 +27,23 @@ class Arm(Record):
 ARM = dtype_of(Arm)
 
 
-class Placement(Record):
-    """Pose of {ee} on the last joint's axes."""
+class DesiredMotion(Record):
+    """Desired motion of {ee}; {w}."""
+
+    position: Vec3  # m, x_d
+    rotation: Mat3  # R_d
+    twist: Vec6  # m/s, rad/s
+    acceleration: Vec6  # m/s^2, rad/s^2, a_d
+
+
+class Pose(Record):
+    """Where something is, as seen from something else."""
 
     position: Vec3  # m
     rotation: Mat3
 
 
-PLACEMENT = dtype_of(Placement)
+POSE = dtype_of(Pose)
 
 
 @kernel(VOID(IN1, IN1, IN2_F, IN1, IN1, IN1, IN1, IN1, IN2_F, IN1, IN1, IN2_F, OUT1))
@@ -46,7 +55,7 @@ def gather(
 
     Args:
         qd: joint velocity; (n,) [rad/s].
-        placement: PLACEMENT of {ee}.
+        placement: POSE of {ee} on the axes of the last joint.
         R_joint, p_joint: pose of the last joint; (3, 3), (3,) [m] {w}.
         v, w, a, dw: its twist, and its spatial acceleration at zero joint acceleration; (3,) each, on its axes.
         J_world: Jacobian of that joint at the world's origin; (6, n) {w}.
@@ -57,7 +66,7 @@ def gather(
     Implements: Eq. (1), (7), (8); Jdot qd is the classical acceleration of {ee} at zero joint acceleration.
     """
     out: Arm = record(arm, ARM)
-    ee: Placement = record(placement, PLACEMENT)
+    ee: Pose = record(placement, POSE)
     R, lever, w_joint, dw_joint = mat(R_joint), vec(ee.position), vec(w), vec(dw)
     x = vec(p_joint) + R @ lever
     put(out.position, x)

@@ -1,7 +1,7 @@
 """The non-rigid grasp: contacts, slip displacement, contact arm r, and products with the grasp matrix G.
 
 A contact i is described on the object by o_x_p and o_R_p (where {p} was when the grasp was made); the pad has
-since moved by the slip displacement (s_l, R_s) on {p} axes. G = [[I, 0], [S(r), I]] is never formed.
+since moved by the slip displacement (s_l, R_s), a POSE on {p} axes. G = [[I, 0], [S(r), I]] is never formed.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from slip_core.compiled import part
 from slip_core.errors import InputError
 from slip_core.records import Mat3, Record, Records, Vec3, Vec6, Whole, dtype_of
 from slip_core.vectors import ZERO, Mat, Spatial, Vec, mat, put, put_mat, spatial, vec
+from slip_vic_controller.law.arm import Pose
 from slip_vic_controller.law.rotation import exponential, left_jacobian
 from slip_vic_controller.params.controller_params import ContactParams
 from slip_vic_controller.sizes import MAX_CONTACTS
@@ -32,16 +33,6 @@ class Contact(Record):
 
 
 CONTACT = dtype_of(Contact)
-
-
-class Slip(Record):
-    """Pose of a pad relative to {p}."""
-
-    position: Vec3  # m {p}; s_l
-    rotation: Mat3  # {c} to {p}; R_s
-
-
-SLIP = dtype_of(Slip)
 
 
 class ContactSample(Record):
@@ -101,7 +92,7 @@ def slip_velocity(contact: Contact, sample: ContactSample) -> Spatial:
 
 
 @part
-def integrate_slip(slip: Slip, v_s: Spatial, dt: float, out: Slip) -> None:
+def integrate_slip(slip: Pose, v_s: Spatial, dt: float, out: Pose) -> None:
     """Move the pad on the object for `dt` [s] at a slip velocity constant on pad axes [m/s, rad/s] {c}.
 
     Exact for a constant twist (exponential of SE(3)), so spin does not shrink or grow with the step.
@@ -116,7 +107,7 @@ def integrate_slip(slip: Slip, v_s: Spatial, dt: float, out: Slip) -> None:
 
 @part
 def integrate_slips(
-    config: Grasp, samples: Records[ContactSample], slips: Records[Slip], dt: float, slips_out: Records[Slip],
+    config: Grasp, samples: Records[ContactSample], slips: Records[Pose], dt: float, slips_out: Records[Pose],
 ) -> None:  # fmt: skip
     """Move the slip displacement of every contact for `dt` [s]; `slips` and `slips_out` may be the same."""
     for i in range(config.contacts):
@@ -130,13 +121,13 @@ def contact_position(config: Grasp, gains: ContactPosition, i: int) -> Vec:
 
 
 @part
-def pad_rotation(contact: Contact, slip: Slip) -> Mat:
+def pad_rotation(contact: Contact, slip: Pose) -> Mat:
     """Return o_R_c = o_R_p R_s, {c} to {o}."""
     return mat(contact.rotation) @ mat(slip.rotation)
 
 
 @part
-def contact_arm(o_R_c: Mat, o_x_p: Vec, contact: Contact, slip: Slip) -> Vec:
+def contact_arm(o_R_c: Mat, o_x_p: Vec, contact: Contact, slip: Pose) -> Vec:
     """Return r = x_c - x_o on the axes of the pad whose attitude is o_R_c [m] {ee}; contact and slip are of contact c.
 
     Implements: Eq. (11).

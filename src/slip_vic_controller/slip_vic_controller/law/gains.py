@@ -79,7 +79,6 @@ class Ramp(Record):
     target: LawGains
     begin_ns: Whole
     duration_ns: Whole
-    active: Whole  # 0: `target` is in effect
 
 
 RAMP = dtype_of(Ramp)
@@ -177,7 +176,7 @@ def make_ramp(start: Array, target: Array, begin_ns: int, least_s: float) -> Arr
     buffer = new(RAMP)
     ramp: Ramp = record(buffer, RAMP)
     ramp.start, ramp.target = record(start, LAW_GAINS), record(target, LAW_GAINS)
-    ramp.begin_ns, ramp.active = begin_ns, 1
+    ramp.begin_ns = begin_ns
     ramp.duration_ns = round(1e9 * max(least_s, ramp_time(start, target)))
     return buffer
 
@@ -200,7 +199,7 @@ def gains_at(ramp: Ramp, stamp_ns: int, out: LawGains) -> None:
 
     Gains and mass change geometrically, what may be zero or signed linearly, gravity at once.
     """
-    if ramp.active == 0 or stamp_ns >= ramp.begin_ns + ramp.duration_ns:
+    if stamp_ns >= ramp.begin_ns + ramp.duration_ns:
         copy_gains(ramp.target, out)
     elif stamp_ns <= ramp.begin_ns:
         copy_gains(ramp.start, out)

@@ -21,20 +21,21 @@ from typing import NamedTuple
 from slip_core.compiled import part
 from slip_core.records import Records
 from slip_core.vectors import NOTHING, ZERO, Mat, Spatial, Vec, spatial
+from slip_vic_controller.law.arm import Pose
 from slip_vic_controller.law.config import LawConfig
-from slip_vic_controller.law.contact import ContactSample, Slip, contact_arm, contact_position, pad_rotation
+from slip_vic_controller.law.contact import ContactSample, contact_arm, contact_position, pad_rotation
 from slip_vic_controller.law.gains import Gains, LawGains
 from slip_vic_controller.law.object import ObjectMotion, solve_symmetric
 
 
 @part
-def arm_of(config: LawConfig, gains: LawGains, slips: Records[Slip], o_R_c: Mat, i: int) -> Vec:
+def arm_of(config: LawConfig, gains: LawGains, slips: Records[Pose], o_R_c: Mat, i: int) -> Vec:
     """Return r_i = x_c,i - x_o on the axes of the own pad [m]; o_R_c: its attitude on the object."""
     return contact_arm(o_R_c, contact_position(config, gains, i), config.contact[i], slips[i])
 
 
 @part
-def mean_arm(config: LawConfig, gains: LawGains, slips: Records[Slip]) -> Vec:
+def mean_arm(config: LawConfig, gains: LawGains, slips: Records[Pose]) -> Vec:
     """Return the mean of all r_j on the axes of the own pad [m]; of one contact its own r."""
     o_R_c, total = pad_rotation(config.contact[0], slips[0]), ZERO
     for j in range(config.contacts):
@@ -57,7 +58,7 @@ class Sharing(NamedTuple):
 
 
 @part
-def sharing(config: LawConfig, gains: LawGains, slips: Records[Slip]) -> Sharing:
+def sharing(config: LawConfig, gains: LawGains, slips: Records[Pose]) -> Sharing:
     """Return how the contacts share a wrench; `slips` of each."""
     o_R_c, n = pad_rotation(config.contact[0], slips[0]), config.contacts
     middle, square, longest = mean_arm(config, gains, slips), config.radius * config.radius, 0.0
@@ -92,7 +93,7 @@ def share_of(shared: Sharing, radius: float, h_o: Spatial) -> Spatial:
 
 @part
 def internal_wrench(
-    config: LawConfig, gains: LawGains, samples: Records[ContactSample], slips: Records[Slip], o: ObjectMotion,
+    config: LawConfig, gains: LawGains, samples: Records[ContactSample], slips: Records[Pose], o: ObjectMotion,
 ) -> Spatial:  # fmt: skip
     """Return h_int of the own contact [N, N m] {ee}; zero where there is one contact only.
 

@@ -22,10 +22,10 @@ from slip_core.cholesky import LARGEST
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Records, Vec3, Vec6, Whole, dtype_of
 from slip_core.vectors import ZERO, Spatial, mat, put, put_mat, put_spatial, spatial, vec
-from slip_vic_controller.law.arm import Arm
+from slip_vic_controller.law.arm import Arm, DesiredMotion, Pose
 from slip_vic_controller.law.attitude import attitude_error, on_error_axes
 from slip_vic_controller.law.config import LawConfig
-from slip_vic_controller.law.contact import G_T, ContactSample, Phi2, Slip, slip_velocity
+from slip_vic_controller.law.contact import G_T, ContactSample, Phi2, slip_velocity
 from slip_vic_controller.law.extensions import authority, fade_with_gate, limit_spin, slip_speed
 from slip_vic_controller.law.gains import LawGains
 from slip_vic_controller.law.internal import give_way, internal_wrench
@@ -73,15 +73,6 @@ class Evaluation(Record):
 EVALUATION = dtype_of(Evaluation)
 
 
-class DesiredMotion(Protocol):
-    """A reference: position [m], rotation, twist [m/s, rad/s] and acceleration [m/s^2, rad/s^2]; {w}."""
-
-    position: Array
-    rotation: Array
-    twist: Array
-    acceleration: Array
-
-
 class JointMotion(Protocol):
     """Position [rad] and velocity [rad/s] of the joints."""
 
@@ -106,13 +97,8 @@ class Given(Protocol):
 
     gains: LawGains
     samples: Records[ContactSample]
-    slips: Records[Slip]
-
-    @property
-    def reference(self) -> DesiredMotion:
-        """Return the reference of this cycle."""
-        ...
-
+    slips: Records[Pose]
+    reference: DesiredMotion
     law: Evaluation
 
 
@@ -254,7 +240,7 @@ def clip_effort(config: LawConfig, out: Evaluation) -> bool:
 
 
 @part
-def finite_memory(config: LawConfig, law: Evaluation, slips: Records[Slip]) -> bool:
+def finite_memory(config: LawConfig, law: Evaluation, slips: Records[Pose]) -> bool:
     """Return whether what the next cycle needs is finite: the orientation error and the slip displacements."""
     finite = is_finite(law.e[3]) and is_finite(law.e[4]) and is_finite(law.e[5])
     for i in range(config.contacts):
@@ -273,7 +259,7 @@ def is_finite(number: float) -> bool:
 
 @part
 def predict_motion(
-    config: LawConfig, gains: LawGains, arm: Arm, samples: Records[ContactSample], slips: Records[Slip],
+    config: LawConfig, gains: LawGains, arm: Arm, samples: Records[ContactSample], slips: Records[Pose],
     slip_twist: Array, motion: MotionToPredict,
 ) -> bool:  # fmt: skip
     """Write what an observer takes of the object's motion; return whether every sample is finite.

@@ -7,8 +7,9 @@ from typing import NamedTuple
 from slip_core.compiled import part
 from slip_core.records import Records
 from slip_core.vectors import Mat, Spatial, Vec, mat, spatial, vec
+from slip_vic_controller.law.arm import Pose
 from slip_vic_controller.law.config import LawConfig
-from slip_vic_controller.law.contact import ContactSample, G, Slip, contact_arm, contact_position, pad_rotation
+from slip_vic_controller.law.contact import ContactSample, G, contact_arm, contact_position, pad_rotation
 from slip_vic_controller.law.gains import LawGains
 
 
@@ -26,7 +27,7 @@ class ObjectMotion(NamedTuple):
 
 @part
 def object_motion(
-    config: LawConfig, gains: LawGains, samples: Records[ContactSample], slips: Records[Slip], R_ee: Mat, w_ee: Vec,
+    config: LawConfig, gains: LawGains, samples: Records[ContactSample], slips: Records[Pose], R_ee: Mat, w_ee: Vec,
     slip_angular: Vec,
 ) -> ObjectMotion:  # fmt: skip
     """Return what the object does under the wrenches of all contacts.

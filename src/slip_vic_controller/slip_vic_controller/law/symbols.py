@@ -12,11 +12,11 @@ from slip_core.compiled import part
 from slip_core.records import Real, Record, Records, Vec6, WholeArray, dtype_of, record
 from slip_core.types import AXES
 from slip_core.vectors import ZERO, Mat, Spatial, Vec, mat, put_spatial, spatial, vec
-from slip_vic_controller.law.arm import Arm
+from slip_vic_controller.law.arm import Arm, DesiredMotion, Pose
 from slip_vic_controller.law.config import LawConfig
-from slip_vic_controller.law.contact import G_T_inverse, Phi2, Slip
+from slip_vic_controller.law.contact import G_T_inverse, Phi2
 from slip_vic_controller.law.gains import LawGains
-from slip_vic_controller.law.law import DesiredMotion, Evaluation
+from slip_vic_controller.law.law import Evaluation
 from slip_vic_controller.law.paper import Lambda, V_e, V_s
 from slip_vic_controller.law.rotation import logarithm
 from slip_vic_controller.law.torque import null_torque, smallest_singular_value, task_torque
@@ -102,7 +102,7 @@ def published(joints: int) -> tuple[tuple[str, ...], Array]:
 
 @part
 def symbols(
-    config: LawConfig, gains: LawGains, arm: Arm, slips: Records[Slip], reference: DesiredMotion,
+    config: LawConfig, gains: LawGains, arm: Arm, slips: Records[Pose], reference: DesiredMotion,
     evaluation: Evaluation, estimate: SlipEstimate, out: Symbols,
 ) -> None:  # fmt: skip
     """Fill the symbols of a law that was evaluated; their flag `safe` is 0.

@@ -15,27 +15,12 @@ import numpy as np
 from slip_core.arrays import Array
 from slip_core.compiled import IN1, IN2, OUT1, OUT2, VOID, kernel, part
 from slip_core.errors import InputError
-from slip_core.records import Mat3, Real, Record, Vec3, Vec6, Whole, dtype_of, new, record
+from slip_core.records import Real, Record, Vec3, Vec6, Whole, dtype_of, new, record
 from slip_core.vectors import NOTHING, Mat, Spatial, Vec, mat, put, put_mat, put_spatial, spatial, vec
+from slip_vic_controller.law.arm import DesiredMotion, Pose
 from slip_vic_controller.law.rotation import exponential, left_jacobian, left_jacobian_rate
 from slip_vic_controller.params.controller_params import TrajectoryParams
 from slip_vic_controller.sizes import MAX_SEGMENTS
-
-
-class DesiredMotion(Record):
-    """Desired motion of {ee}; {w}."""
-
-    position: Vec3  # m, x_d
-    rotation: Mat3  # R_d
-    twist: Vec6  # m/s, rad/s
-    acceleration: Vec6  # m/s^2, rad/s^2, a_d
-
-
-class Grasp(Record):
-    """A pad as seen from the first pad of the object, on that pad's axes."""
-
-    position: Vec3  # m
-    rotation: Mat3
 
 
 class Path(Record):
@@ -55,7 +40,7 @@ class Path(Record):
     lever: Vec3  # m, then the pad as seen from its centre of mass {ee}
 
 
-REFERENCE, GRASP, PATH = dtype_of(DesiredMotion), dtype_of(Grasp), dtype_of(Path)
+REFERENCE, PATH = dtype_of(DesiredMotion), dtype_of(Path)
 
 
 class Started(Protocol):
@@ -141,16 +126,16 @@ def offset(reference: Reference, r: Vec) -> Reference:
 
 
 @part
-def relative(first: Started, other: Started, out: Grasp) -> None:
-    """Write how one pad sees another to a GRASP; first, other: with start_position [m], start_rotation {w}."""
+def relative(first: Started, other: Started, out: Pose) -> None:
+    """Write how one pad sees another to a POSE; first, other: with start_position [m], start_rotation {w}."""
     R = mat(first.start_rotation).T()
     put(out.position, R @ (vec(other.start_position) - vec(first.start_position)))
     put_mat(out.rotation, R @ mat(other.start_rotation))
 
 
 @part
-def carried(reference: Reference, grasp: Grasp) -> Reference:
-    """Return the motion of a pad on an object whose first pad moves by a reference; GRASP of the pad."""
+def carried(reference: Reference, grasp: Pose) -> Reference:
+    """Return the motion of a pad on an object whose first pad moves by a reference; grasp: as of `relative`."""
     moved = offset(reference, reference.rotation @ vec(grasp.position))
     return Reference(moved.position, moved.rotation @ mat(grasp.rotation), moved.twist, moved.acceleration)
 

@@ -18,6 +18,7 @@ from slip_vic_controller.governor.governor import REPLAN
 from slip_vic_controller.governor.layouts import Governor
 from slip_vic_controller.governor.load import Held
 from slip_vic_controller.governor.plan import GridPoint, along_at, left_for_motion, most, take_point
+from slip_vic_controller.law.arm import DesiredMotion
 from slip_vic_controller.law.rotation import (
     exponential,
     left_jacobian,
@@ -25,7 +26,7 @@ from slip_vic_controller.law.rotation import (
     left_jacobian_rate,
     logarithm,
 )
-from slip_vic_controller.path.paths import DesiredMotion, Reference, put_reference, quintic, read_reference, standing
+from slip_vic_controller.path.paths import Reference, put_reference, quintic, read_reference, standing
 from slip_vic_controller.sizes import NEVER
 
 STREAM_POINTS: Final = 64

@@ -7,8 +7,8 @@ from functools import partial
 
 import numpy as np
 
+from slip_core.arms import shared
 from slip_core.arrays import Array
-from slip_core.errors import InputError
 from slip_core.records import place, records
 from slip_core.types import JointCommand
 from slip_vic_controller.arm.robot import Robot
@@ -62,7 +62,7 @@ class Controller:
     """
 
     def __init__(self, params: Mapping[str, ControllerParams], urdfs: Mapping[str, str], *, lockstep: bool) -> None:
-        check_common(params)
+        shared(params, COMMON, "all arms hold one object")
         self.lockstep = lockstep
         self.arms = {
             name: ArmController(of, urdfs[name], lockstep=lockstep, arms=len(params)) for name, of in params.items()
@@ -89,23 +89,3 @@ class Controller:
 
 COMMON = ("mode", "control_period_s", "trajectory.kind", "governor.mode")
 """Parameters that are equal for all arms that hold one object."""
-
-
-def common_values(params: ControllerParams) -> tuple[object, ...]:
-    """Return the values of the parameters in COMMON."""
-    return params.mode, params.control_period_s, params.trajectory.kind, params.governor.mode
-
-
-def check_common(params: Mapping[str, ControllerParams]) -> None:
-    """See that arms fit each other: they hold one object, so they follow one path, in one rhythm.
-
-    Raises:
-        InputError: they do not.
-    """
-    (name, first), *others = params.items()
-    for other, of in others:
-        for what, a, b in zip(COMMON, common_values(first), common_values(of), strict=True):
-            if a != b:
-                raise InputError(
-                    f"parameter {other}.{what}", got=b, expected=f"{a!r}, as for {name}: all arms hold one object"
-                )
