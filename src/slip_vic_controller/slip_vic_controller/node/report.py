@@ -141,7 +141,7 @@ class ArmReport:
         near = [name for name in ("arm", "attitude") if record.evaluated and record.law[f"near_singular_{name}"]]
         saturated = int(record.saturated.sum())
         values = {
-            "mode": result.mode.name, **result.reason_fields, "cycle": result.cycle, "load": result.load_source,
+            "mode": result.mode.name, **result.reason_fields, "cycle": result.cycle,
             "near_singular": ", ".join(near), "saturated_joints": saturated,
         }  # fmt: skip
         refused = {f"{name} refused": count for name, count in self._refusals.counts.items()}

@@ -83,7 +83,7 @@ class TaskTopics:
         self._goals = GoalWatch(session)
         self._used = create_publisher(node, "controller/reference_used") if session.controller.external else None
         taken: dict[str, Any] = {}
-        if session.reference_from_topic:
+        if params.trajectory.kind == "topic":
             taken["reference"] = self._on_reference
             if len(session.arms) == 1:
                 taken["joint_trajectory"] = self._on_trajectory

@@ -104,11 +104,6 @@ class CycleResult:
         return bool(self.outputs.view(np.int64)[_OK])
 
     @property
-    def load_source(self) -> str:
-        """What the load is known from: the wrench sensor, or the model alone."""
-        return "model" if self._controller.params.wrench.source == "none" else "sensor"
-
-    @property
     def reason_key(self) -> tuple[int, ...]:
         """What is different where the words of the reason are, but for their numbers."""
         return tuple(self.outputs.view(np.int64)[_REASON].tolist())

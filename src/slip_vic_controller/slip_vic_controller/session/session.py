@@ -81,11 +81,6 @@ class ControllerSession:
             if arm.index != own and number < arm.contacts:
                 yield arm, number
 
-    @property
-    def reference_from_topic(self) -> bool:
-        """Whether the reference comes from outside instead of the built-in trajectory."""
-        return self.controller.first.params.trajectory.kind == "topic"
-
     def config_of(self, index: int) -> Array:
         """Return the CONFIG of an arm."""
         return self.config[index * CONFIG_SIZE :][:CONFIG_SIZE]
