@@ -1,4 +1,4 @@
-"""What a slip sensor makes of the true slip velocity: gain, noise, outliers, saturation, quantum, dead band.
+"""What a slip sensor makes of the true slip velocity: chips, gain, noise, outliers, saturation, quantum, dead band.
 
 Noise and faults draw from two streams: switching a fault on does not change the noise.
 """
@@ -12,10 +12,12 @@ from numpy.random import Generator
 
 from slip_core.arrays import Array, readonly
 from slip_core.types import SlipSample
-from slip_sim_bridge.sensors.params import SlipFaultParams, SlipSensorParams
+from slip_sim_bridge.sensors.params import CHIPS, SlipFaultParams, SlipSensorParams
 
 _INVALID = readonly(np.full(6, math.nan))
 _STILL = readonly(np.zeros(3))
+CHIP_RADIUS = 0.01
+"""Circle on which the chips of an optical sensor sit [m]."""
 OUTLIER = readonly(np.array((0.2, 0.2, 0.2, 5.0, 5.0, 5.0)))
 """Standard deviation of an outlier [m/s, rad/s]."""
 
@@ -71,6 +73,8 @@ class SlipMeasurement:
 
     def _read(self, truth: Array, noise: Array | None) -> Array:
         faults, twist = self._faults, truth
+        if faults.lifted_chips:
+            twist = lifted_chip_reading(twist, faults.lifted_chips)
         if faults.gain != 1.0:
             twist = faults.gain * twist
         if noise is not None:
@@ -103,3 +107,20 @@ def dead_band(twist: Array, linear: float, angular: float) -> Array:
     return (
         twist if moves and turns else np.concatenate((twist[:3] if moves else _STILL, twist[3:] if turns else _STILL))
     )
+
+
+def lifted_chip_reading(twist: Array, lifted: int) -> Array:
+    """Return what optical chips on a circle make of a twist while the first `lifted` of them read zero.
+
+    Every chip reads the two linear velocities at its place; x, y and the turn about z follow by least squares, as a
+    driver does that does not know which chip is off. twist (6,) [m/s, rad/s] {ee}.
+    """
+    angles = 2.0 * math.pi * np.arange(CHIPS) / CHIPS
+    rows = np.zeros((CHIPS, 2, 3))
+    rows[:, 0, 0] = rows[:, 1, 1] = 1.0
+    rows[:, 0, 2], rows[:, 1, 2] = -CHIP_RADIUS * np.sin(angles), CHIP_RADIUS * np.cos(angles)
+    readings = rows @ twist[[0, 1, 5]]
+    readings[:lifted] = 0.0
+    out = twist.copy()
+    out[[0, 1, 5]] = np.linalg.lstsq(rows.reshape(-1, 3), readings.ravel(), rcond=None)[0]
+    return out
