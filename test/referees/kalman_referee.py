@@ -31,12 +31,6 @@ def correct(x, P, z, R):
     return x + K * (z - x[..., 0])[..., None], left @ P @ left.swapaxes(-1, -2) + spread
 
 
-def robust_variance(x, P, z, R, limit):
-    """The variance with which an innovation of more than `limit` deviations pulls as hard as one of `limit`."""
-    S = P[0, 0] + R
-    return R + max((z - x[0]) ** 2 / limit**2 - S, 0.0)
-
-
 def correct_within(x, P, band, R):
     """Mean and covariance given that a measurement lies within +-band: law of total expectation and variance."""
     S = P[0, 0] + R
