@@ -125,7 +125,7 @@ def test_words_of_missing_inputs() -> None:
 
 def test_words_around_a_reason() -> None:
     falls = Why(Reason.FALLS, 0, 0, 0, 0.5, 0.0)
-    assert describe(falls, ()) == "the object falls: it slips, and moves down 0.50 m/s faster than the reference"
+    assert describe(falls, ()) == "the object falls: 0.50 m/s faster than the reference"
     silent = of_fault(Reason.WRENCH, Reason.SILENT)
     assert describe(silent._replace(prefix=Prefix.ASKED_AND), ()) == "hold requested; wrench is silent"
     assert describe(silent._replace(prefix=Prefix.RESUMES_AFTER), ()) == "resumes after: wrench is silent"

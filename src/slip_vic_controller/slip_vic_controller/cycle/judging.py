@@ -16,7 +16,6 @@ from slip_vic_controller.arm.plausibility import unseen_ns
 from slip_vic_controller.arm.tare import Sensor, moved_joint
 from slip_vic_controller.contact.estimate import SensorHealth
 from slip_vic_controller.safety.conditions import (
-    PAD,
     Health,
     Reason,
     Why,
@@ -89,7 +88,7 @@ def _find_speeds(config: ControllerConfig, state: ArmState, qd: Array, now_ns: i
     motion, twist = config.motion, spatial(state.observed.twist)
     which = fast_joint(motion, config.law.joints, qd)
     speed, most, turns = twist.linear.norm(), motion.speed_linear, twist.angular.norm()
-    if which != PAD:
+    if which >= 0:
         speed, most = abs(qd[which]), motion.velocity[which]
     elif turns > TRIP_SHARE * motion.speed_angular:
         speed, most = turns, motion.speed_angular

@@ -34,6 +34,10 @@ _INPUT = "See the fault below; the input is named before it."
 _JOINT = (
     "Check this joint's encoder, its sign and driver; after a collision clear the arm. Late efforts: `drive.delay_s`."
 )
+_RUNAWAY = "A wrong sign or frame of the wrench, or gains too high for a delay? Then `~/reset_fault`."
+_MODEL = "Clear the arm; check `object.mass`, the URDF's masses, `effort.gravity`, offsets; then `~/reset_fault`."
+_BRAKE = "Release its brake, clear the arm, or raise `disturbance.limit`: friction is above the effort."
+_BIAS = "Zero the named sensor, or fix it; then `~/tare`. Where the bias is its own, raise `tare.*`."
 _RANGE = "The path takes the joint farther than it goes: start in another posture (`slip-vic arm FILE` finds one)."
 _SLIP_SENSOR = (
     "Look at the slip sensor: it reads zero, not this contact, or on other axes than those of the pad. Where it is "
@@ -98,13 +102,7 @@ class Reason(IntEnum):
     # -- FAULT
     INTERNAL = 22, "internal error: this is a bug", "Report it with a bag and the line in the node's log.", _FAULT
     # which: joint, -1 = the pad
-    TOO_FAST = (
-        23,
-        "{joint} moves at {value:.1f} rad/s or m/s, the limit is {limit:.1f}",
-        "Find what made it run: a wrong sign or frame of the wrench, gains too high for a delay. Then `~/reset_fault`.",
-        _FAULT,
-        0.005,
-    )
+    TOO_FAST = 23, "{joint} moves at {value:.1f} rad/s or m/s, the limit is {limit:.1f}", _RUNAWAY, _FAULT, 0.005
     # this and the next ones in the order of the estimator's `Finding`; which: joint
     VELOCITY = 26, "{joint}: its velocity contradicts its position by {value:.4f} rad", _JOINT, _FAULT
     POSITION = 27, "{joint}: its position is stuck or drifts by {value:.4f} rad", _JOINT, _FAULT
@@ -112,18 +110,8 @@ class Reason(IntEnum):
     COLLISION = 29, "collision: torque on {joint} jumped by {value:.1f} of {limit:.1f} N m", _JOINT, _FAULT
     DISTURBED = 30, "{joint}: disturbance of {value:.1f} N m, at most {limit:.1f} is compensated", _JOINT, _FAULT
     IGNORED = 31, "{joint} ignores commands: {value:.2f} rad/s where {limit:.2f} are commanded", _JOINT, _FAULT
-    MOVED_IN_TARE = (
-        32,
-        "{joint} moved by {value:.3f} rad during the tare, without any wrench: check object.mass and effort.gravity",
-        "Clear the arm. Check the masses of the URDF and the drives' torque offsets, too; then `~/reset_fault`.",
-        _FAULT,
-    )
-    FALLS = (
-        33,
-        "the object falls: it slips, and moves down {value:.2f} m/s faster than the reference",
-        "More grip. Where it does not slip out, `object.mass` or the friction is wrong.",
-        _FAULT,
-    )
+    MOVED_IN_TARE = 32, "{joint} moved by {value:.3f} rad during the tare, without any wrench", _MODEL, _FAULT
+    FALLS = 33, "the object falls: {value:.2f} m/s faster than the reference", "More grip; `object.mass`.", _FAULT
     EFFORT_COMMAND = 34, "effort command {fault}", _INPUT, _FAULT
     # -- WAITING_INPUT
     NO_INPUT_YET = 35, "no input yet", "Start the drivers. `slip-vic bag record -a` shows what is missing.", _WAITS
@@ -143,19 +131,9 @@ class Reason(IntEnum):
     WRENCH = 40, "wrench {fault}", _INPUT, _HOLD
     JOINT_STATE = 41, "joint state {fault}", _INPUT, _HOLD
     SLIP = 42, "slip velocity {fault}", _INPUT, _HOLD
-    TARE = (
-        43,
-        "tare: sensors are read at rest before the law begins",
-        "Wait `tare.duration_s`; it restarts where a joint moves. Nothing may touch the arm or the object.",
-        _HOLD,
-    )
+    TARE = 43, "tare: sensors are read at rest before the law begins", "Wait; touch neither arm nor object.", _HOLD
     # which: the tare's `Sensor`
-    BIASED = (
-        44,
-        "{sensor} reads {value:.3g} at rest, at most {limit:.3g} are taken out: check it, call ~/tare",
-        "Zero the named sensor, or fix it; then `~/tare`. Where the bias is its own, raise `tare.*`.",
-        _HOLD,
-    )
+    BIASED = 44, "{sensor} reads {value:.3g} at rest, at most {limit:.3g} are taken out", _BIAS, _HOLD
     WRONG_MASS = 47, "object.mass is {limit:.3g}, the wrench at rest says {value:.3g}", _WEIGHT, _HOLD
     INVERTED_WRENCH = 48, "the wrench reads the weight with the opposite sign ({value:.3g} kg)", _WEIGHT, _HOLD
     # which: where, time of the trajectory [ms]
@@ -177,22 +155,10 @@ class Reason(IntEnum):
     SLIP_SLOWS = 59, "slip velocity {fault}: slowing down", _INPUT, _DEGRADED
     SLIP_PREDICTED = 60, "slip velocity {fault}: predicting it from the wrench", _INPUT, _DEGRADED
     STOPPING = 61, "hold requested: coming to rest first", "Wait: it comes to rest along the path first.", _DEGRADED
-    SATURATED = (
-        62,
-        "efforts saturated: slip cannot be driven to zero",
-        "The law needs more than the joints have: a slower path, the governor, or `safety.limits.effort_rate`.",
-        _DEGRADED,
-        0.1,
-    )
+    SATURATED = 62, "efforts saturated", "A slower path, the governor, `safety.limits.effort_rate`.", _DEGRADED, 0.1
     RANGE_END = 65, "{joint} is at the end of its range, at {value:.2f} rad, off its path", _RANGE, _DEGRADED
     # which: joint; limit: how far the pad is off its reference [m], or [rad] where only the attitude is far
-    NOT_FOLLOWING = (
-        66,
-        "{joint} does not follow: {value:.2f} N m more than it needs at rest do not move it",
-        "Release its brake, clear the arm, or raise `disturbance.limit`: friction is above the effort (`identify`).",
-        _DEGRADED,
-        1.0,
-    )
+    NOT_FOLLOWING = 66, "{joint} does not follow: {value:.2f} N m do not move it", _BRAKE, _DEGRADED, 1.0
     # value: load that the motion needs, limit: that is measured [N]
     READS_NOTHING = (
         67,
@@ -203,18 +169,8 @@ class Reason(IntEnum):
     # which: the contact's SensorHealth of the slip sensor
     MISMOUNTED = 68, "slip_velocity reads against the friction force, {mounted}", _SLIP_SENSOR, _DEGRADED
     OVERRUNS = 70, "friction is too low to stop on the path", "More grip, or more `governor.margin`.", _DEGRADED
-    ENDLESS_SLIP = (
-        71,
-        "the slip sensor reports slip that does not end: the path goes on without it",
-        "Pads tremble, or a bias came after the tare: `~/tare` at rest, or a larger `governor.pre_sliding`.",
-        _DEGRADED,
-    )
-    GIVEN_UP = (
-        72,
-        "compensation off: the object falls or slips fast all the same; impedance alone",
-        "Check `object.mass`, `contacts.position` and the wrench's frame.",
-        _DEGRADED,
-    )
+    ENDLESS_SLIP = 71, "slip that does not end: the path goes on without it", "`~/tare` at rest.", _DEGRADED
+    GIVEN_UP = 72, "compensation off: the object slips fast all the same", "Check `object.mass`.", _DEGRADED
     PATH_WAITS = 73, "the path waits for the arm", "Something blocks the arm, or its gains are too soft.", _DEGRADED
 
 
@@ -251,8 +207,6 @@ _MISSING = (
 )
 _SENSORS = "", "the slip sensor [m/s, rad/s]", "the wrench sensor [N, N m]", "the joint velocity [rad/s]"
 _MOUNTED = tuple(health.name.lower().replace("_", " ") for health in SensorHealth)
-PAD: Final = -1
-"""In the place of a joint."""
 
 
 class WhyRecord(Record):
@@ -432,4 +386,4 @@ def _word(words: Sequence[str], k: int) -> str:
 
 
 def _name(joint: int, joint_names: Sequence[str]) -> str:
-    return "the pad" if joint == PAD else _word(joint_names, joint)
+    return "the pad" if joint < 0 else _word(joint_names, joint)

@@ -20,9 +20,7 @@ from slip_vic_controller.path.path_scaling import scale_for_error
 FALLS_WITHIN_S = 0.06
 """Least time in which an object gains the speed of a fall: one wrong slip sample is none [s]."""
 MOVING = 0.01
-"""[m/s] or [rad/s] above which a reference requires motion."""
-SLIPPING = 0.005
-"""[m/s] above which a slip velocity counts as slip, with the slip activation at zero too."""
+"""[m/s] or [rad/s] above which a reference requires motion, and a slip velocity counts as slip."""
 DEVIATIONS = 3.0
 """Standard deviations of an estimated slip velocity by which an object must fall faster to be lost."""
 
@@ -74,7 +72,7 @@ def observe_motion(
         dt: since the cycle before [s].
     """
     R, axes_linear = mat(arm.rotation), vec(axes)
-    slipping = 1.0 if law.slip_speed > SLIPPING else law.gate
+    slipping = 1.0 if law.slip_speed > MOVING else law.gate
     beyond = vec(arm.twist) - R @ (axes_linear * vec(law.v_s)) - vec(reference.twist)
     down = R @ (axes_linear * (R.T() @ vec(config.down)))  # in the directions in which the contact can slip
     fall = slipping * down.dot(beyond)

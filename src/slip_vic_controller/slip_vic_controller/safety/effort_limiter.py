@@ -75,15 +75,6 @@ def needs_restart(limits: EffortLimits, state: EffortLimiter, now_ns: int) -> bo
 
 
 @part
-def largest_step(limits: EffortLimits, state: EffortLimiter, now_ns: int) -> float:
-    """Return by how much an effort may differ from the last one [N m]: the same slope at every control rate.
-
-    A clock that goes back allows no step.
-    """
-    return limits.rate * 1e-9 * min(max(now_ns - state.now_ns, 0), limits.longest_step_ns)
-
-
-@part
 def limit_effort(
     limits: EffortLimits, state: EffortLimiter, n: int, wanted: Array, now_ns: int, clipped: WholeArray,
     limited: WholeArray,
@@ -101,7 +92,8 @@ def limit_effort(
         Whether `wanted` was finite; if not, the last effort goes out again.
     """
     finite = all_finite(wanted[:n])
-    step = largest_step(limits, state, now_ns)
+    # The same slope at every control rate; a clock that goes back allows no step.
+    step = limits.rate * 1e-9 * min(max(now_ns - state.now_ns, 0), limits.longest_step_ns)
     for j in range(n):
         limit, before = limits.effort[j], state.effort[j]
         torque = wanted[j] if finite else before

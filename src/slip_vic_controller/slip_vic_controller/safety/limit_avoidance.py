@@ -10,7 +10,6 @@ from slip_core.arrays import Array
 from slip_core.cholesky import cholesky, forward_substitute
 from slip_core.compiled import part
 from slip_core.records import Real, Record, dtype_of
-from slip_vic_controller.safety.conditions import PAD
 from slip_vic_controller.safety.effort_limiter import EffortLimits
 from slip_vic_controller.sizes import MAX_JOINTS, Joints
 
@@ -108,8 +107,8 @@ def avoid_limits(limits: MotionLimits, n: int, q: Array, qd: Array, M: Array, to
 
 @part
 def fast_joint(limits: MotionLimits, n: int, qd: Array) -> int:
-    """Return the first joint that is faster than braking should have allowed, PAD where none is; qd: (n,) [rad/s]."""
+    """Return the first joint that is faster than braking should have allowed, -1 where none is; qd: (n,) [rad/s]."""
     for j in range(n):
         if abs(qd[j]) > TRIP_SHARE * limits.velocity[j]:
             return j
-    return PAD
+    return -1

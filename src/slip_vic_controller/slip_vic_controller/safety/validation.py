@@ -10,6 +10,8 @@ from __future__ import annotations
 import math
 from typing import Annotated
 
+import numpy as np
+
 from slip_core.arrays import Array
 from slip_core.cholesky import LARGEST
 from slip_core.compiled import part
@@ -259,14 +261,6 @@ def _copy_sample(to: JointRecord, stamp_ns: int, q: Array, qd: Array, effort: Ar
 
 
 @part
-def _fastest(qd: Array) -> float:
-    speed = 0.0
-    for x in qd:
-        speed = max(speed, abs(x))
-    return speed
-
-
-@part
 def classify_joints(
     limits: JointLimits, stamp_ns: int, q: Array, qd: Array, now_ns: int, before: JointRecord, before_ns: int,
     follows: bool,
@@ -289,15 +283,6 @@ def classify_joints(
     if passed_ns <= 0:
         return Reason.OUT_OF_ORDER.value
     return Reason.JUMP.value if jumps else Reason.NONE.value
-
-
-@part
-def _not_sent(values: Array) -> bool:
-    """Return whether none of the values (n,) is a number: a broadcaster's word for what drives do not measure."""
-    for x in values:  # noqa: SIM110 - compiled code has no generators
-        if not math.isnan(x):
-            return False
-    return True
 
 
 @part
@@ -340,7 +325,8 @@ def receive_joints(
         state.counts[Reason.REFUSED] += 1
         return Reason.REFUSED.value
     follows, last, n = state.known != 0, state.last, q.shape[0]
-    state.without = 1 if (state.without != 0 or not follows) and _not_sent(qd) else 0
+    # None is a number: a broadcaster's word for what drives do not measure.
+    state.without = 1 if (state.without != 0 or not follows) and np.isnan(qd).all() else 0
     if state.without != 0:
         qd[:] = last.velocity[:n]
     fault = classify_joints(limits, stamp_ns, q, qd, now_ns, last, state.arrival_ns, follows)
@@ -360,7 +346,7 @@ def receive_joints(
     if fault != Reason.NONE:
         state.counts[fault] += 1
     if usable(fault):
-        goes_on, speed = follows and fault != Reason.RESTARTED, _fastest(qd)
+        goes_on, speed = follows and fault != Reason.RESTARTED, np.abs(qd).max()
         # Joints that are read in steps read the same again and again.
         steps = limits.still > 0.0 and speed <= limits.still
         if not follows or steps or not (_same(q, last.position[:n]) and _same(qd, last.velocity[:n])):
