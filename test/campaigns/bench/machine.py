@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import psutil
 
 from slip_vic.run.versions import versions
 
@@ -21,12 +20,9 @@ def machine() -> dict[str, Any]:
     return {
         "processor": _processor() or platform.machine(),
         "cores": len(os.sched_getaffinity(0)),
-        "memory_gib": round(psutil.virtual_memory().total / 2**30, 1),
         "kernel": platform.release(),
-        "system": platform.system(),
         "preemption": _preemption(),
         "fifo_permitted": fifo_permitted(),
-        "load_average": [round(value, 2) for value in os.getloadavg()],
         "versions": dict(versions()),
     }
 

@@ -14,13 +14,18 @@ from typing import Any
 import pandas as pd
 
 from slip_vic.experiments.engines import Died, PoolEngine
+from slip_vic.experiments.statistics import clopper_pearson
 from test.campaigns.faults.plan import Verdict, make_plan
 
 WRITTEN_EVERY_S = 60.0
 
 
 def summary(verdicts: Sequence[Verdict]) -> dict[str, Any]:
-    """Return what faults.json holds; recovery: of trials with this fault alone, from its end until the law works."""
+    """Return what faults.json holds.
+
+    recovery: of trials with this fault alone, from its end until the law works; bound_95: the share of failing trials
+    that is exceeded with 5 % confidence only.
+    """
     frame = pd.DataFrame(sorted(verdicts), columns=list(Verdict._fields)).astype({"recovery_s": float})
     frame["failed"] = frame["violations"].map(bool)
     modes: Counter[str] = sum(map(Counter, frame["modes"]), Counter())
@@ -32,7 +37,7 @@ def summary(verdicts: Sequence[Verdict]) -> dict[str, Any]:
     return {
         "trials": len(frame),
         "violations": int(frame["failed"].sum()),
-        "bound_95": upper_bound_95(len(frame), int(frame["failed"].sum())),
+        "bound_95": clopper_pearson(int(frame["failed"].sum()), len(frame), 0.9)[1],
         "commands": int(frame["commands"].sum()),
         "modes": dict(modes),
         "objects_lost": int(frame["objects_lost"].sum()),
@@ -40,13 +45,6 @@ def summary(verdicts: Sequence[Verdict]) -> dict[str, Any]:
         "by_setting": json.loads(by_setting.to_json(orient="index")),
         "failed": [verdict._asdict() for verdict in sorted(verdicts) if verdict.violations],
     }
-
-
-def upper_bound_95(trials: int, failures: int) -> float:
-    """Return the share of failing trials that is exceeded with 5 % confidence only (Clopper and Pearson)."""
-    from scipy.special import betaincinv  # takes a third of a second to import
-
-    return 1.0 if failures >= trials else float(betaincinv(failures + 1, trials - failures, 0.95))
 
 
 def run_campaign(

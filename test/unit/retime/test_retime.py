@@ -13,19 +13,16 @@ import yaml
 from click.testing import CliRunner, Result
 from scipy.spatial.transform import Rotation
 
-from slip_core.arrays import Array, inertia_from_six, matrix_from_quat_xyzw
+from slip_core.arrays import Array, matrix_from_quat_xyzw
 from slip_core.errors import InputError
-from slip_core.records import record
 from slip_vic.cli import cli
 from slip_vic.retime.certificate import Motion, certified, pad_wrench
 from slip_vic.retime.command import governed, governor_config
 from slip_vic.retime.path import PadPath, deviation, read_points, smooth_time
-from slip_vic.retime.timing import held_object
 from slip_vic.run.in_process import run_in_process
 from slip_vic.scenarios.reach import pad_path
 from slip_vic.scenarios.scenario import Scenario, load_scenario
 from slip_vic_controller.path.joint_path import POSE_COLUMNS, JointPath, PadMotion, Points
-from slip_vic_controller.path.retiming import HELD_OBJECT
 
 CLOSE = 0.02
 """Share of the arrival in closed loop: a promise of the command."""
@@ -234,14 +231,6 @@ def test_the_wrench_of_a_falling_pad_is_zero_and_of_a_resting_one_the_weight() -
     force, torque = np.split(pad_wrench(0.7, J, r, g, resting), 2)
     np.testing.assert_allclose(force, [0.0, 0.0, 0.7 * 9.81])
     np.testing.assert_allclose(torque, -np.cross(r, force))
-
-
-def test_the_held_object_is_on_the_pad_s_axes() -> None:
-    params = scenario("paper_planar").controller
-    held = record(held_object(params), HELD_OBJECT)
-    R = matrix_from_quat_xyzw(params.contacts.orientation_xyzw[:4])
-    np.testing.assert_allclose(held.inertia, R.T @ inertia_from_six(params.object.inertia, "") @ R)
-    np.testing.assert_allclose(R @ held.r, params.contacts.position[:3])
 
 
 def line(source: Path, rows: np.ndarray, *, times: np.ndarray | None = None) -> Path:

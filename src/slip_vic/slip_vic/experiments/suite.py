@@ -26,8 +26,6 @@ COUNTS: Final = {1: 300, 2: 60}
 """Worlds with so many arms."""
 DIGEST: Final = "8e44fee3abe2ed8c"
 """Of the digests of all worlds."""
-
-
 SAMPLE: Final = 10
 """Worlds that `verify_result` runs again."""
 TRACKS: Final[tuple[Track, ...]] = ("capped", "free")
