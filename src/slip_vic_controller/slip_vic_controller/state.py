@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from enum import IntEnum, unique
 from typing import Annotated
 
 from slip_core.arrays import Array
@@ -26,11 +25,11 @@ from slip_vic_controller.path.goals import Goal, GoalsConfig
 from slip_vic_controller.path.path_scaling import PathScaling
 from slip_vic_controller.path.paths import Path
 from slip_vic_controller.path.stream import Stream, StreamConfig
-from slip_vic_controller.safety.conditions import REASONS, Condition, ConditionsConfig, Health, WhyRecord
+from slip_vic_controller.safety.conditions import REASONS, Condition, ConditionsConfig, Health
 from slip_vic_controller.safety.drop_detection import DropDetectionConfig, ObservedMotion
 from slip_vic_controller.safety.effort_limiter import EffortLimiter
 from slip_vic_controller.safety.hold import Hold, HoldConfig
-from slip_vic_controller.safety.latency import Latency, SlipLatency
+from slip_vic_controller.safety.latency import Latency
 from slip_vic_controller.safety.limit_avoidance import MotionLimits
 from slip_vic_controller.safety.modes import ModePolicy, ModeState
 from slip_vic_controller.safety.validation import JointInput, JointLimits, SlipQueue, VectorInput, VectorLimits
@@ -48,9 +47,6 @@ class CycleConfig(Record):
     posture_given: Whole
     posture: Joints  # rad
     has_observer: Whole
-    dead_band_linear: Real  # m/s
-    dead_band_angular: Real  # rad/s
-    k_s_margin: Real
     pad_stiffness: Real  # N/m; for the bound on kappa
     drive_lag_s: Real  # from a command to the motion that it asks for
     slip_ahead_s: Real  # s; by which the object's part of the law's slip velocity is predicted, 0 = none of it is
@@ -127,10 +123,6 @@ class LawState(Record):
     e_previous: Vec3  # rad
     slips: Annotated[Records[Pose], MAX_CONTACTS]
     ramp: Ramp
-    slip_latency: SlipLatency
-    held: Whole  # delays in cycles
-    late: Whole
-    k_s_limit: Real  # 1/s; the k_s for them
     given_up: CompensationState
 
 
@@ -138,7 +130,6 @@ class ArmState(Record):
     """What is remembered of one arm."""
 
     cycles: Whole
-    begun: Whole
     now_ns: Whole
     outside: Whole  # Fault: who else publishes
     joint: JointInput
@@ -149,7 +140,6 @@ class ArmState(Record):
     queue: SlipQueue
     mode: ModeState
     conditions: Annotated[Records[Condition], REASONS]
-    joint_bad_ns: Whole  # since when joint states are bad, NEVER = they are not
     sliding_ns: Whole  # stamp of the first sample of a slip at which the law does not begin
     observed: ObservedMotion
     latency: Latency
@@ -186,31 +176,6 @@ class CycleInputs(Record):
 INPUTS = dtype_of(CycleInputs)
 
 
-@unique
-class Step(IntEnum):
-    """What a cycle does for an arm after its decision."""
-
-    NONE = 0
-    BRIDGE = 1
-    ANSWER = 2
-
-
-class Decision(Record):
-    """What a cycle has found for an arm."""
-
-    step: Whole  # what comes next, see `Step`
-    never_seen: Whole  # bits of the inputs that have never been seen
-    request: Whole  # for the mode machine
-    slows: Whole  # whether the path has to come to rest
-    entered: Whole  # mode before the decision
-    freezes: Whole  # whether the joint state is frozen
-    reweighed: Whole  # whether a tare has found another weight of the object in this cycle
-    works: Whole  # whether the law does, or its last effort is repeated
-    cause: Whole  # why the law could not be evaluated
-    why: WhyRecord  # what speaks against the law
-    before: ModeState  # before the cycle
-
-
 class Governed(Record):
     """What is published of the governor; loads in N."""
 
@@ -241,6 +206,8 @@ GOVERNED = dtype_of(Governed)
 class CycleOutputs(Record):
     """What a cycle gives an arm."""
 
+    before: ModeState  # of the cycle before
+    decided: Whole  # whether the mode says what the arm does; else it has waited or held already
     answered: Whole  # 0 = no effort, something is missing
     evaluated: Whole  # whether `law` holds
     ok: Whole  # whether the law's effort went out
@@ -266,7 +233,6 @@ class CycleOutputs(Record):
     motion: Motion
     law: Evaluation
     estimate: SlipEstimate
-    decision: Decision
     joints: PublishedJoints
 
 

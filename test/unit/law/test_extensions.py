@@ -34,16 +34,6 @@ def test_spin_is_shortened_to_its_limit() -> None:
     assert (flat(call(extensions.limit_spin, 0.0, motion))[3:] == 0.0).all()
 
 
-def test_dead_band_treats_both_parts_apart() -> None:
-    v_s = np.array([3e-3, 0.0, -4e-3, 0.0, 0.1, 0.0])
-    for linear, angular, expected in (
-        (0.0, 0.0, v_s),
-        (4.9e-3, 0.2, [*v_s[:3], 0.0, 0.0, 0.0]),
-        (5.1e-3, 0.0, [0.0, 0.0, 0.0, *v_s[3:]]),
-    ):
-        assert (flat(call(extensions.beyond_dead_band, v_s, linear, angular)) == expected).all()
-
-
 def test_authority_ends_far_off_the_reference() -> None:
     assert call(extensions.authority, YIELDS_M, 0.0) == 1.0
     assert call(extensions.authority, YIELDS_M, 0.15) > 0.9, "an object that friction brakes takes the arm so far"

@@ -19,7 +19,6 @@ KINDS = (
         "gains__k_s": 100.0,
         "attitude": "rpy",
         "gains__spin": "bounded",
-        "measured__dead_band_linear": 1e-3,
         "trajectory__kind": "quintic",
         "trajectory__displacement": (0.1, 0.0, 0.05),
     },

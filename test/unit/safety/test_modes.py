@@ -27,7 +27,6 @@ from slip_vic_controller.safety.modes import (
     MODE_POLICY,
     Mode,
     Request,
-    begin_modes,
     holds_for,
     next_mode,
 )
@@ -43,7 +42,6 @@ class Policy(NamedTuple):
 class ModeState(NamedTuple):
     mode: Mode
     reason: str
-    since_ns: int
     enabled: bool
     good_since_ns: int | None
 
@@ -66,10 +64,10 @@ class Machine:
         self.policy, self.buffer = new(MODE_POLICY), new(MODE)
         self.policy.view(np.int64)[:] = policy
         self.record, self.now_ns = record(self.buffer, MODE), 0
-        call(begin_modes, self.policy, self.buffer, 0)
+        self.record.enabled, self.record.good_since_ns = policy.auto_enable, NEVER
 
     def put(self, state: ModeState, why: Why) -> None:
-        self.record.mode, self.record.since_ns, self.record.enabled = state.mode, state.since_ns, state.enabled
+        self.record.mode, self.record.enabled = state.mode, state.enabled
         self.record.good_since_ns = NEVER if state.good_since_ns is None else state.good_since_ns
         put_why(self.record.reason, why)
 
@@ -81,7 +79,7 @@ class Machine:
     def state(self) -> ModeState:
         r = self.record
         good = None if r.good_since_ns == NEVER else int(r.good_since_ns)
-        return ModeState(Mode(r.mode), describe(read_why(r.reason), ()), int(r.since_ns), bool(r.enabled), good)
+        return ModeState(Mode(r.mode), describe(read_why(r.reason), ()), bool(r.enabled), good)
 
 
 def run(policy: Policy, *steps: tuple[Why, Request, int]) -> ModeState:
@@ -100,7 +98,7 @@ def test_rules_that_hold_for_every_transition() -> None:
     machines = {policy: Machine(policy) for policy in (POLICY, MANUAL)}
     for mode, found, request, enabled, good_since, policy, now, reason in ALL:
         code = REASONS[reason] if mode != Mode.FAULT else FAULTY  # a fault's reason says nothing before it
-        before = ModeState(mode, describe(code, ()), -1, enabled, good_since)
+        before = ModeState(mode, describe(code, ()), enabled, good_since)
         machine = machines[policy]
         machine.put(before, code)
         after = machine.step(found, request, now)
@@ -120,7 +118,6 @@ def test_rules_that_hold_for_every_transition() -> None:
         if request == Request.HOLD:
             assert not after.mode.follows, case
         assert (after.reason != "") or after.mode == Mode.ACTIVE, case
-        assert after.since_ns == (before.since_ns if after.mode == mode else now), case
 
 
 def test_input_hold_ends_by_itself() -> None:

@@ -1,15 +1,24 @@
-"""What an arm does in this cycle: faults of its inputs, what speaks against the law, and the mode that follows."""
+"""What an arm does in this cycle: faults of its inputs, where its law begins, what speaks against it, and the mode."""
 
 from __future__ import annotations
 
 from slip_core.compiled import part
+from slip_core.records import WholeArray
+from slip_core.vectors import IDENTITY, ZERO, Spatial, mat, put, put_mat, vec
 from slip_vic_controller.arm.joint_estimate import clear_findings
 from slip_vic_controller.arm.tare import is_unchecked
-from slip_vic_controller.cycle.beginning import begin_cycle, begin_law
-from slip_vic_controller.cycle.judging import judge, slows
-from slip_vic_controller.cycle.ledger import put_time
+from slip_vic_controller.contact.observer import reset
+from slip_vic_controller.cycle.contact import begin_pad
+from slip_vic_controller.cycle.holding import forget_pad, hold_unseen, wait
+from slip_vic_controller.cycle.judging import judge
+from slip_vic_controller.cycle.sensing import gains_now
 from slip_vic_controller.cycle.taring import AtRest, tare
-from slip_vic_controller.cycle.wrench import model_wrench, overloaded_joint, shows_loss
+from slip_vic_controller.cycle.wrench import model_wrench, overloaded_joint
+from slip_vic_controller.governor.governor import start_governor
+from slip_vic_controller.governor.plan import Governing
+from slip_vic_controller.path.goals import rest_at
+from slip_vic_controller.path.paths import Reference
+from slip_vic_controller.path.stream import rest_stream
 from slip_vic_controller.safety.conditions import (
     NOTHING,
     Missing,
@@ -18,19 +27,17 @@ from slip_vic_controller.safety.conditions import (
     because,
     of_fault,
     passed_ns,
-    put_why,
     read_why,
-    since_when,
 )
 from slip_vic_controller.safety.latency import forget_latency, measure_latency
 from slip_vic_controller.safety.modes import Mode, Request, follows, holds_for, next_mode
 from slip_vic_controller.safety.validation import fine, forget_repeats, frozen, usable, vector_validity
 from slip_vic_controller.sizes import MAX_CONTACTS, NEVER
-from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs, CycleOutputs, Step, TaskState
+from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs, CycleOutputs, TaskState
 
 
 @part
-def decide_mode(
+def decide(
     config: ControllerConfig,
     task: TaskState,
     state: ArmState,
@@ -44,43 +51,136 @@ def decide_mode(
 
     lead: whether it is the first arm; alone: whether another arm is not answered in this cycle; together: see `AtRest`.
     """
-    decision = outputs.decision
-    decision.step, decision.request = Step.NONE.value, inputs.request
-    decision.before = state.mode
+    outputs.before, outputs.health = state.mode, inputs.health
+    if state.cycles == 0:
+        state.now_ns = inputs.now_ns
     if inputs.request == Request.RESET_FAULT:
         task.forgets = 1
     fault = inputs.health.joint if inputs.health_given != 0 else state.joint.pending_fault
     state.joint.pending = 0
-    begin_cycle(config, task, state, inputs, outputs, state.joint.answers.stamp_ns, lead)
     if fault == Reason.RESTARTED and state.law.known != 0:
-        # Everything starts again; the limiter continues from the last command, where that is recent: the joints feel it
-        state.law.known = 0
-        _wait(config, state, inputs, of_fault(Reason.JOINTS_RESTARTED.value, fault), state.limiter.started)
+        wait(config, state, inputs, of_fault(Reason.JOINTS_RESTARTED.value, fault))  # everything starts again
+        return
     if config.cycle.models_wrench != 0:
         _count_wrench_as_good(config, state, inputs)
-    decision.never_seen = _never_seen(config, state)
-    missing = inputs.missing | decision.never_seen
+    missing = inputs.missing | _never_seen(config, state)
     if state.law.known == 0 and not usable(fault):
         missing |= Missing.GOOD_JOINT_STATE.value
     if missing != 0:
-        _wait(config, state, inputs, because(Reason.WAITS.value, missing), 0)
+        wait(config, state, inputs, because(Reason.WAITS.value, missing))
         return
     _classify_inputs(config, state, inputs, outputs, fault, alone)
+    good, restarts = fine(outputs.health.wrench), state.law.known == 0
     state.wrench_modelled = 0
-    if config.cycle.models_wrench != 0 or (not fine(outputs.health.wrench) and state.law.known != 0):
+    if config.cycle.models_wrench != 0 or not (good or restarts):
         model_wrench(config, task, state, inputs)
-    if state.wrench_modelled != 0 and outputs.health.wrench == Reason.FROZEN and shows_loss(config, state, inputs):
-        state.wrench_modelled = 0  # what reads the same is right then
-    if state.law.known == 0:
+    if restarts:
         begin_law(config, task, state, inputs, outputs, lead)
         heavy = _too_heavy(config, state, inputs)
         if heavy.reason != Reason.NONE:
-            state.law.known = 0
-            _wait(config, state, inputs, heavy, 0)
+            wait(config, state, inputs, heavy)
             return
     if is_unchecked(config.tare, state.tare):
         model_wrench(config, task, state, inputs)
-    _decide(config, task, state, inputs, outputs, together)
+    _obey(config, state, inputs)
+    bad = not (usable(fault) or fault == Reason.NOT_RUN)
+    if bad and inputs.arm.M[0, 0] == 0.0:
+        hold_unseen(config, task, state, inputs, outputs)
+        return
+    stamp_ns, now_ns, resets = state.joint.answers.stamp_ns, inputs.now_ns, inputs.request == Request.RESET_FAULT
+    measure_latency(state.latency, now_ns, stamp_ns, now_ns - state.now_ns)
+    request = _rest_before_hold(config, state, inputs.request, now_ns)
+    reweighed = config.tare.duration_ns > 0 and not bad and tare(config, state, inputs, together)
+    freezes = frozen(config.joint, state.joint, now_ns)
+    why = judge(config, task, state, outputs.health, freezes, now_ns)
+    next_mode(config.modes, state.mode, why, request, now_ns)
+    outputs.decided = 1
+    if (resets or reweighed) and not follows(state.mode.mode):
+        forget_pad(config, task, state, inputs, outputs, lead)
+
+
+@part
+def _never_seen(config: ControllerConfig, state: ArmState) -> int:
+    """Return the bits of the inputs that have never been seen: no command before every input was seen once."""
+    bits = 0
+    for k in range(config.law.contacts):
+        if state.wrench_inputs[k].seen == 0:
+            bits |= Missing.WRENCH.value << k
+        if config.conditions.slip_needed != 0 and state.slip_inputs[k].seen == 0:
+            bits |= Missing.WRENCH.value << (MAX_CONTACTS + k)
+    return bits
+
+
+@part
+def _count_wrench_as_good(config: ControllerConfig, state: ArmState, inputs: CycleInputs) -> None:
+    """Let the inputs of the wrench count as good, where there is no sensor."""
+    stamp_ns = state.joint.answers.stamp_ns
+    for k in range(config.law.contacts):
+        own = state.wrench_inputs[k]
+        own.seen, own.known, own.stamp_ns, own.arrival_ns, own.equal_since_ns = 1, 1, stamp_ns, inputs.now_ns, stamp_ns
+
+
+@part
+def _classify_inputs(
+    config: ControllerConfig, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, fault: int, alone: bool
+) -> None:
+    """Write the fault of each input in this cycle, and the stamps of the samples that it uses.
+
+    alone: whether another arm is not answered in this cycle.
+    """
+    stamp_ns, health = state.joint.answers.stamp_ns, outputs.health
+    # What is frozen stays so while the path comes to rest, and in the HOLD after it.
+    moves = state.joint.moves != 0 or holds_for(state.mode, Reason.WRENCH.value, Reason.FROZEN.value)
+    moves = moves or state.conditions[Reason.WRENCH_SLOWS].since_ns != NEVER
+    if inputs.health_given == 0:
+        health.joint, health.outside = fault, state.outside
+    for k in range(config.law.contacts):
+        wrench, slip = state.wrench_inputs[k], state.slip_inputs[k]
+        if inputs.health_given == 0:
+            health.wrench = max(health.wrench, vector_validity(config.wrench, wrench, inputs.now_ns, stamp_ns, moves))
+            health.slip = max(health.slip, vector_validity(config.slip, slip, inputs.now_ns, stamp_ns, moves))
+        put_time(outputs.ledger, 3 + 4 * k, wrench.stamp_ns)
+        put_time(outputs.ledger, 5 + 4 * k, slip.stamp_ns)
+    if alone:
+        health.outside = Reason.OTHER_ARM.value
+
+
+@part
+def put_time(ledger: WholeArray, at: int, time_ns: int) -> None:
+    """Write a time [ns] as seconds and nanoseconds."""
+    ledger[at], ledger[at + 1] = time_ns // 1_000_000_000, time_ns % 1_000_000_000
+
+
+@part
+def begin_law(
+    config: ControllerConfig, task: TaskState, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, lead: bool
+) -> None:
+    """Begin the law: the arm where it is, no slip; of the first arm also the trajectory, starting here and now."""
+    law, sample, n, arm = state.law, state.joint.answers, config.law.joints, inputs.arm
+    law.known, law.stamp_ns = 1, sample.stamp_ns
+    law.start_position[:], law.start_rotation[:] = arm.position, arm.rotation
+    law.posture[:n] = config.cycle.posture[:n] if config.cycle.posture_given != 0 else sample.position[:n]
+    law.position[:n], law.gravity[:n], law.e_previous[:] = sample.position[:n], arm.gravity[:n], 0.0
+    for k in range(MAX_CONTACTS):
+        put(law.slips[k].position, ZERO)
+        put_mat(law.slips[k].rotation, IDENTITY)
+    law.given_up.left_s, law.given_up.fast_s = 0.0, 0.0
+    law.ramp = state.tuned
+    law.ramp.begin_ns = sample.stamp_ns
+    if config.cycle.has_observer != 0:
+        reset(config.observer, state.observer, sample.stamp_ns, arm.twist)
+    gains_now(state, sample.stamp_ns, outputs)
+    begin_pad(config, state, arm, outputs.gains)
+    if lead:
+        task.start_ns = sample.stamp_ns
+        if config.stream.on != 0:
+            rest_stream(task.stream, vec(arm.position), mat(arm.rotation))
+        if config.goals.on != 0:
+            rest_at(
+                task.goal, Reference(vec(arm.position), mat(arm.rotation), Spatial(ZERO, ZERO), Spatial(ZERO, ZERO))
+            )
+        if config.governor.mode != Governing.OFF:
+            start_governor(config.governor, task.governor, state.pad)
 
 
 @part
@@ -98,98 +198,15 @@ def _too_heavy(config: ControllerConfig, state: ArmState, inputs: CycleInputs) -
 
 
 @part
-def _never_seen(config: ControllerConfig, state: ArmState) -> int:
-    """Return the bits of the inputs that have never been seen: no command before every input was seen once."""
-    bits = 0
-    for k in range(config.law.contacts):
-        if state.wrench_inputs[k].seen == 0:
-            bits |= Missing.WRENCH.value << k
-        if config.conditions.slip_needed != 0 and state.slip_inputs[k].seen == 0:
-            bits |= Missing.WRENCH.value << (MAX_CONTACTS + k)
-    return bits
-
-
-@part
-def _wait(config: ControllerConfig, state: ArmState, inputs: CycleInputs, missing: Why, keep_limiter: int) -> None:
-    """Give no effort. Without a command the arm may move, so HOLD restarts from the pose found then."""
-    next_mode(config.modes, state.mode, missing, inputs.request, inputs.now_ns)
-    state.limiter.started, state.now_ns, state.hold.known = keep_limiter, inputs.now_ns, 0
-    state.hold.load_error[:] = 0.0
-    state.estimate.started, state.tare.watched = 0, 0
-    forget_latency(state.latency)
-
-
-@part
-def _count_wrench_as_good(config: ControllerConfig, state: ArmState, inputs: CycleInputs) -> None:
-    """Let the inputs of the wrench count as good, where there is no sensor."""
-    stamp_ns = state.joint.answers.stamp_ns
-    for k in range(config.law.contacts):
-        own = state.wrench_inputs[k]
-        own.seen, own.known, own.fault, own.bad = 1, 1, Reason.NONE.value, 0
-        own.stamp_ns, own.arrival_ns, own.equal_since_ns = stamp_ns, inputs.now_ns, stamp_ns
-
-
-@part
-def _classify_inputs(
-    config: ControllerConfig, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, fault: int, alone: bool
-) -> None:
-    """Write the fault of each input in this cycle, and the stamps of the samples that it uses.
-
-    alone: whether another arm is not answered in this cycle.
-    """
-    stamp_ns = state.joint.answers.stamp_ns
-    # What is frozen stays so while the path comes to rest, and in the HOLD after it.
-    moves = state.joint.moves != 0 or holds_for(state.mode, Reason.WRENCH.value, Reason.FROZEN.value)
-    moves = moves or state.conditions[Reason.WRENCH_SLOWS].since_ns != NEVER
-    if inputs.health_given == 0:
-        health = outputs.health
-        health.joint, health.wrench, health.slip, health.outside = fault, 0, 0, state.outside
-        for k in range(config.law.contacts):
-            wrench = vector_validity(config.wrench, state.wrench_inputs[k], inputs.now_ns, stamp_ns, moves)
-            slip = vector_validity(config.slip, state.slip_inputs[k], inputs.now_ns, stamp_ns, moves)
-            health.wrench, health.slip = max(health.wrench, wrench), max(health.slip, slip)
-    if alone:
-        outputs.health.outside = Reason.OTHER_ARM.value
-    for k in range(config.law.contacts):
-        put_time(outputs.ledger, 3 + 4 * k, state.wrench_inputs[k].stamp_ns)
-        put_time(outputs.ledger, 5 + 4 * k, state.slip_inputs[k].stamp_ns)
-
-
-@part
-def _decide(
-    config: ControllerConfig,
-    task: TaskState,
-    state: ArmState,
-    inputs: CycleInputs,
-    outputs: CycleOutputs,
-    together: AtRest,
-) -> None:
-    """Find what speaks against the law, and go to the mode of this cycle."""
-    sample, fault, now_ns, decision = state.joint.answers, outputs.health.joint, inputs.now_ns, outputs.decision
-    bad = not (usable(fault) or fault == Reason.NOT_RUN)
-    state.joint_bad_ns = since_when(state.joint_bad_ns, bad, now_ns)
-    if bad and inputs.arm.M[0, 0] == 0.0:  # the model does not know where the arm is either
-        decision.step, decision.entered = Step.BRIDGE.value, state.mode.mode
-        return
+def _obey(config: ControllerConfig, state: ArmState, inputs: CycleInputs) -> None:
+    """Begin again with what a user who enables the law or ends a fault has seen to: clocks, sensors that repeat."""
     if inputs.request == Request.ENABLE or inputs.request == Request.RESET_FAULT:
-        # A user who enables the law, or ends a fault, has checked that the clocks agree and nothing is late.
         forget_latency(state.latency)
         forget_repeats(state.wrench_inputs)
         if state.estimate.unmeasured[0] == 0:  # else no user can be right: the joint states contradict themselves
-            state.joint.equal_since_ns = now_ns
+            state.joint.equal_since_ns = inputs.now_ns
     if inputs.request == Request.RESET_FAULT:
         clear_findings(state.estimate)  # what is still wrong is found again
-    measure_latency(state.latency, now_ns, sample.stamp_ns, now_ns - state.now_ns)
-    request = _rest_before_hold(config, state, inputs.request, now_ns)
-    reweighed = config.tare.duration_ns > 0 and not bad and tare(config, state, inputs, together)
-    decision.reweighed = 1 if reweighed else 0
-    freezes = frozen(config.joint, state.joint, now_ns)
-    why = judge(config, task, state, outputs.health, freezes, now_ns)
-    decision.entered = state.mode.mode
-    next_mode(config.modes, state.mode, why, request, now_ns)
-    decision.step, decision.request, decision.freezes = Step.ANSWER.value, request, 1 if freezes else 0
-    decision.slows = 1 if slows(config, state, now_ns) else 0
-    put_why(decision.why, why)
 
 
 @part

@@ -1,4 +1,4 @@
-"""What an arm does without the law: HOLD, the bridge over a gap of joint states, or no command at all."""
+"""What an arm does without the law: HOLD from its beginning to its end, and no command where none is right."""
 
 from __future__ import annotations
 
@@ -10,61 +10,77 @@ from slip_vic_controller.arm.estimator import stay_blind
 from slip_vic_controller.arm.plausibility import BLIND_S, is_blind
 from slip_vic_controller.contact.observer import reset
 from slip_vic_controller.cycle.contact import begin_pad
-from slip_vic_controller.cycle.finishing import finish
-from slip_vic_controller.cycle.gains import gains_now
 from slip_vic_controller.cycle.governing import rest_on_path
+from slip_vic_controller.cycle.limit import finish
+from slip_vic_controller.cycle.sensing import gains_now
 from slip_vic_controller.cycle.wrench import arm_of_load, own_wrench
 from slip_vic_controller.governor.governor import discard_plan
 from slip_vic_controller.governor.plan import Governing
 from slip_vic_controller.law.contact import pad_rotation
-from slip_vic_controller.safety.conditions import Reason, because, of_fault
+from slip_vic_controller.safety.conditions import Reason, Why, because, of_fault
 from slip_vic_controller.safety.drop_detection import forget
-from slip_vic_controller.safety.effort_limiter import needs_restart
+from slip_vic_controller.safety.effort_limiter import go_on
 from slip_vic_controller.safety.hold import begin_posture, carry_load, hold_effort, keep_posture, update_load_error
-from slip_vic_controller.safety.modes import Mode, Request, follows, holds_for, next_mode
-from slip_vic_controller.safety.validation import all_finite, fine
+from slip_vic_controller.safety.latency import forget_latency
+from slip_vic_controller.safety.modes import Mode, Request, holds_for, next_mode
+from slip_vic_controller.safety.validation import all_finite, fine, frozen
 from slip_vic_controller.sizes import MAX_JOINTS, NEVER
-from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs, CycleOutputs, Step, TaskState
-
-JOINT_DAMPING = 2.0
-"""Joint damping where only gravity is compensated [N m s/rad]."""
+from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs, CycleOutputs, TaskState
 
 
 @part
-def prepare(
-    config: ControllerConfig, task: TaskState, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, lead: bool
+def give_nothing(config: ControllerConfig, state: ArmState, inputs: CycleInputs) -> None:
+    """Give no command: drives hold the arm by themselves, or let it move; HOLD begins anew with where it is then."""
+    state.now_ns, state.hold.known = inputs.now_ns, 0
+    stay_blind(config.estimator, state.estimate)
+
+
+@part
+def wait(config: ControllerConfig, state: ArmState, inputs: CycleInputs, why: Why) -> None:
+    """Wait for what is missing, without a command; all begins anew after it."""
+    next_mode(config.modes, state.mode, why, inputs.request, inputs.now_ns)
+    give_nothing(config, state, inputs)
+    state.law.known, state.estimate.started, state.tare.watched = 0, 0, 0
+    state.hold.load_error[:] = 0.0
+    forget_latency(state.latency)
+
+
+@part
+def hold_unseen(
+    config: ControllerConfig, task: TaskState, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs
 ) -> None:
-    """Do what comes before the law in this cycle, or instead of it."""
-    decision = outputs.decision
-    if decision.step == Step.BRIDGE:
-        _bridge(config, task, state, inputs, outputs, outputs.health.joint)
-    elif decision.step == Step.ANSWER and not follows(state.mode.mode):
-        known_anew = decision.request == Request.RESET_FAULT or decision.reweighed != 0
-        if known_anew and config.governor.mode != Governing.OFF:
-            gains_now(state, state.joint.answers.stamp_ns, outputs)
-            # A push makes a held object slip at a load that friction carries, and that load has been learnt.
-            begin_pad(config, state, inputs.arm, outputs.gains)
-            if lead:
-                discard_plan(config.governor, task.governor)
-        frozen_s = 1e-9 * (inputs.now_ns - state.joint.equal_since_ns)
-        blind = frozen_s > BLIND_S and holds_for(state.mode, Reason.JOINT_STATE.value, Reason.FROZEN.value)
-        if blind or is_blind(config.estimator, state.estimate):
-            leave_to_drives(config, state, inputs)
-        else:
-            hold(config, task, state, inputs, outputs, fine(outputs.health.wrench) and decision.freezes == 0, lead)
-    elif decision.step == Step.ANSWER and not follows(decision.entered):
-        # After a HOLD the path starts from rest; and the time that passed in it is not part of the path.
-        if lead:
-            task.path.scale, task.path.rate = (1.0 if decision.entered == Mode.WAITING_INPUT else 0.0), 0.0
-            rest_on_path(config, task, inputs.arm, decision.entered != Mode.WAITING_INPUT)
-        state.hold.known, state.hold.load_error[:] = 0, 0.0
-        forget(state.observed)
-        if config.cycle.has_observer != 0:
-            reset(config.observer, state.observer, state.joint.answers.stamp_ns, inputs.arm.twist)
+    """Hold where neither a joint state nor the model tells where the arm is: efforts go to gravity compensation there.
+
+    They go on from the last command, however old: nothing else tells what the joints feel.
+    """
+    silent = of_fault(Reason.JOINT_STATE.value, outputs.health.joint)
+    next_mode(config.modes, state.mode, silent, inputs.request, inputs.now_ns)
+    task.path.scale, task.path.rate = 0.0, 0.0
+    if state.limiter.started == 0 or is_blind(config.estimator, state.estimate):
+        give_nothing(config, state, inputs)
+        return
+    state.hold.known, rest = 0, np.zeros(MAX_JOINTS)
+    outputs.wanted[: config.law.joints] = state.law.gravity[: config.law.joints]
+    go_on(config.motion.drive, state.limiter, inputs.now_ns)
+    finish(config, state, inputs, outputs, state.law.position, rest, False)
 
 
 @part
 def hold(
+    config: ControllerConfig, task: TaskState, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, lead: bool
+) -> None:
+    """Hold, or give no command where joints have read the same for so long that HOLD would lose the arm."""
+    blind = holds_for(state.mode, Reason.JOINT_STATE.value, Reason.FROZEN.value)
+    blind = blind and 1e-9 * (inputs.now_ns - state.joint.equal_since_ns) > BLIND_S
+    if blind or is_blind(config.estimator, state.estimate):
+        give_nothing(config, state, inputs)
+    else:
+        good = fine(outputs.health.wrench) and not frozen(config.joint, state.joint, inputs.now_ns)
+        keep(config, task, state, inputs, outputs, good, lead)
+
+
+@part
+def keep(
     config: ControllerConfig,
     task: TaskState,
     state: ArmState,
@@ -100,42 +116,49 @@ def hold(
 
 
 @part
-def _bridge(
-    config: ControllerConfig, task: TaskState, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, fault: int
+def fail(
+    config: ControllerConfig,
+    task: TaskState,
+    state: ArmState,
+    inputs: CycleInputs,
+    outputs: CycleOutputs,
+    cause: int,
+    lead: bool,
 ) -> None:
-    """Bridge a short gap of good joint states, in which nothing tells where the arm is, with the last effort.
-
-    Then let it go to gravity compensation, and give no command where the gap is a pause.
-    """
-    n, now_ns, rest = config.law.joints, inputs.now_ns, np.zeros(MAX_JOINTS)
-    if bridges_gap(config, state, now_ns):
-        # `finish` takes the disturbance off once more.
-        outputs.wanted[:n] = state.limiter.effort[:n] - state.estimate.taken_off[:n]
-    else:
-        outputs.wanted[:n] = state.law.gravity[:n]
-        next_mode(config.modes, state.mode, of_fault(Reason.JOINT_STATE.value, fault), inputs.request, now_ns)
-        task.path.scale, task.path.rate, state.hold.known = 0.0, 0.0, 0
-        if is_blind(config.estimator, state.estimate):
-            leave_to_drives(config, state, inputs)
-            return
-    if needs_restart(config.motion.drive, state.limiter, now_ns):  # the drives go on as in the pause
-        leave_to_drives(config, state, inputs)
-        return
-    finish(config, state, inputs, outputs, state.law.position, rest, False)
+    """Hold because the law could not be evaluated; cause: why. The wrench may be why, so that it shows no load."""
+    next_mode(config.modes, state.mode, because(cause, 0), Request.NONE.value, inputs.now_ns)
+    if cause == Reason.BAD_REFERENCE or cause == Reason.NO_TORQUE:
+        task.forgets = 1
+    state.hold.known = 0
+    keep(config, task, state, inputs, outputs, False, lead)
 
 
 @part
-def bridges_gap(config: ControllerConfig, state: ArmState, now_ns: int) -> bool:
-    """Return whether a gap of good joint states is bridged: shortly, and not after a pause of the controller."""
-    ran = now_ns - state.now_ns <= config.conditions.gap_ns
-    return ran and state.limiter.started != 0 and now_ns - state.joint_bad_ns <= config.conditions.bridge_ns
+def leave_hold(
+    config: ControllerConfig, task: TaskState, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, lead: bool
+) -> None:
+    """Let the path start from rest after a HOLD; the time that passed in it is not part of the path."""
+    if lead:
+        waited = outputs.before.mode == Mode.WAITING_INPUT
+        task.path.scale, task.path.rate = (1.0 if waited else 0.0), 0.0
+        rest_on_path(config, task, inputs.arm, not waited)
+    state.hold.known, state.hold.load_error[:] = 0, 0.0
+    forget(state.observed)
+    if config.cycle.has_observer != 0:
+        reset(config.observer, state.observer, state.joint.answers.stamp_ns, inputs.arm.twist)
 
 
 @part
-def leave_to_drives(config: ControllerConfig, state: ArmState, inputs: CycleInputs) -> None:
-    """Give no command: without feedback HOLD would lose the arm; drives hold it by themselves."""
-    state.limiter.started, state.now_ns, state.hold.known = 0, inputs.now_ns, 0
-    stay_blind(config.estimator, state.estimate)
+def forget_pad(
+    config: ControllerConfig, task: TaskState, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, lead: bool
+) -> None:
+    """Begin again with the configured friction: a user wants it, or a tare has found another weight of the object."""
+    if config.governor.mode != Governing.OFF:
+        gains_now(state, state.joint.answers.stamp_ns, outputs)
+        # A push makes a held object slip at a load that friction carries, and that load has been learnt.
+        begin_pad(config, state, inputs.arm, outputs.gains)
+        if lead:
+            discard_plan(config.governor, task.governor)
 
 
 @part
@@ -153,21 +176,3 @@ def keep_joints(config: ControllerConfig, state: ArmState, inputs: CycleInputs) 
     if config.hold.carriers > 1 and state.mode.reason.reason != Reason.FALLS:
         r = arm_of_load(config, state, pad_rotation(config.law.contact[0], law.slips[0]))
         carry_load(config.hold, state.hold, inputs.arm, r, law.gravity)
-
-
-@part
-def hold_without_law(
-    config: ControllerConfig, task: TaskState, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, cause: int
-) -> None:
-    """Hold because the law could not be evaluated: gravity compensation with damping in this cycle, and HOLD."""
-    law, sample, n = state.law, state.joint.answers, config.law.joints
-    keep_joints(config, state, inputs)
-    for j in range(n):
-        torque = law.gravity[j] - JOINT_DAMPING * sample.velocity[j]
-        outputs.wanted[j] = min(max(torque, -config.law.effort_limit[j]), config.law.effort_limit[j])
-    next_mode(config.modes, state.mode, because(cause, 0), Request.NONE.value, inputs.now_ns)
-    if cause == Reason.BAD_REFERENCE or cause == Reason.NO_TORQUE:
-        task.forgets = 1
-    task.path.scale, task.path.rate = 0.0, 0.0
-    begin_posture(config.hold, state.hold, sample)
-    finish(config, state, inputs, outputs, sample.position, sample.velocity, False)

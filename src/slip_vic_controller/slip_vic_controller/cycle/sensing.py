@@ -8,63 +8,47 @@ import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.compiled import part
-from slip_core.records import Records
 from slip_core.vectors import mat, put_mat, put_spatial, spatial
 from slip_vic_controller.arm.command import Interface
 from slip_vic_controller.arm.estimator import pad_variances
 from slip_vic_controller.contact.layouts import Observer
 from slip_vic_controller.contact.observer import observe
-from slip_vic_controller.cycle.agreeing import evaluates_law, hold_with_the_others
 from slip_vic_controller.cycle.contact import estimate_contact
-from slip_vic_controller.cycle.gains import adapt_slip_gain, gains_now, limit_internal_gain
-from slip_vic_controller.cycle.holding import hold, hold_without_law
 from slip_vic_controller.cycle.wrench import own_wrench
 from slip_vic_controller.governor.plan import Governing
+from slip_vic_controller.law.bounds import internal_gain_limit
 from slip_vic_controller.law.contact import integrate_slips, slip_velocity
-from slip_vic_controller.law.extensions import beyond_dead_band, judge_compensation, slip_speed
+from slip_vic_controller.law.extensions import judge_compensation, slip_speed
+from slip_vic_controller.law.gains import gains_at
 from slip_vic_controller.law.law import predict_motion
 from slip_vic_controller.law.symbols import SlipEstimate
 from slip_vic_controller.safety.conditions import Reason
-from slip_vic_controller.safety.latency import measure_slip_latency
-from slip_vic_controller.safety.validation import fine
 from slip_vic_controller.sizes import NEVER
 from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs, CycleOutputs, TaskState
 
 
 @part
-def sense_all(
-    configs: Records[ControllerConfig],
-    task: TaskState,
-    states: Records[ArmState],
-    history: Array,
-    inputs: Records[CycleInputs],
-    outputs: Records[CycleOutputs],
-) -> None:
-    """Let every arm at work sense; where one cannot, it and the others hold."""
-    n, failed = len(states), False
-    rows = history.shape[0] // n
-    for k in range(n):
-        if evaluates_law(states[k], outputs[k]):
-            own = history[k * rows : (k + 1) * rows]
-            unknown = states[k].conditions[Reason.SLIP_PREDICTED].since_ns != NEVER
-            cause = sense(configs[k], task, states[k], own, inputs[k], outputs[k], unknown)
-            outputs[k].decision.cause, failed = cause, failed or cause != Reason.NONE
-    if failed:
-        for k in range(n):
-            if evaluates_law(states[k], outputs[k]):
-                _hold_unsensed(configs[k], task, states[k], inputs[k], outputs[k], k == 0)
+def gains_now(state: ArmState, stamp_ns: int, outputs: CycleOutputs) -> None:
+    """Write gains and payload in effect, with the mass that a tare has found; its inertia grows as much."""
+    gains_at(state.law.ramp, stamp_ns, outputs.gains)
+    measured = 1.0 + state.tare.mass_share
+    outputs.gains.object.mass *= measured
+    for i in range(3):
+        for j in range(3):
+            outputs.gains.object.inertia[i, j] *= measured
 
 
 @part
-def _hold_unsensed(
-    config: ControllerConfig, task: TaskState, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, lead: bool
-) -> None:
-    """Hold an arm because it, or another one, could not sense."""
-    if outputs.decision.cause != Reason.NONE:
-        hold_without_law(config, task, state, inputs, outputs, outputs.decision.cause)
-    else:
-        hold_with_the_others(config, state, inputs, outputs)
-        hold(config, task, state, inputs, outputs, fine(outputs.health.wrench), lead)
+def limit_internal_gain(config: ControllerConfig, state: ArmState, outputs: CycleOutputs) -> None:
+    """Lower kappa to what the measured delay from a wrench to its answer, and the drives' lag, allow."""
+    gains, late_ns = outputs.gains.gains, 0
+    for k in range(config.law.contacts):
+        late_ns = max(late_ns, state.joint.answers.stamp_ns - state.wrench_inputs[k].stamp_ns)
+    late_s = config.cycle.drive_lag_s + config.cycle.kappa_late_s
+    delay_s = late_s + 1e-9 * (config.cycle.period_ns + state.latency.most_ns + late_ns)
+    least = min(gains.M_D[0], gains.M_D[1], gains.M_D[2])
+    most = internal_gain_limit(least, config.cycle.pad_stiffness, delay_s)
+    gains.kappa = min(gains.kappa, config.cycle.kappa_share * most)
 
 
 @part
@@ -75,50 +59,43 @@ def sense(
     history: Array,
     inputs: CycleInputs,
     outputs: CycleOutputs,
-    slip_unknown: bool,
 ) -> int:
-    """Find slip, gains and load of an arm in this cycle; return why it could not be, Reason.NONE where it could.
-
-    slip_unknown: there is no slip sample; an observer continues with the model alone.
-    """
-    law, sample, samples = state.law, state.joint.answers, outputs.samples
-    dt = max(sample.stamp_ns - law.stamp_ns, 0) * 1e-9
+    """Find slip, gains and load of an arm in this cycle; return why it could not be, Reason.NONE where it could."""
+    law, sample, samples, queue = state.law, state.joint.answers, outputs.samples, state.queue
+    dt, unknown = (
+        max(sample.stamp_ns - law.stamp_ns, 0) * 1e-9,
+        state.conditions[Reason.SLIP_PREDICTED].since_ns != NEVER,
+    )
     for k in range(config.law.contacts):
+        samples[k].wrench[:] = state.wrench_inputs[k].values
         if state.wrench_modelled != 0:
             samples[k].wrench[:] = state.wrench_of_model[k]
-        else:
-            samples[k].wrench[:] = state.wrench_inputs[k].values
-        samples[k].slip_twist[:] = state.slip_inputs[k].values
-        if slip_unknown:
-            samples[k].slip_twist[:] = 0.0
+        if not unknown:
+            samples[k].slip_twist[:] = state.slip_inputs[k].values
     samples[0].slip_twist[:] -= state.tare.slip.bias[:6]
     put_spatial(samples[0].wrench, own_wrench(config, state, mat(inputs.arm.rotation)))
-    if slip_unknown:
-        state.queue.count = 0
+    if unknown:
+        queue.count = 0  # an observer continues with the model alone
     gains_now(state, law.stamp_ns, outputs)
-    measure_slip_latency(law.slip_latency, sample.stamp_ns, state.queue)
-    outputs.follow_error[:] = 0.0
-    observer, queue, motion = state.observer, state.queue, outputs.motion
+    observer, motion, observes = state.observer, outputs.motion, config.cycle.has_observer != 0
     put_mat(motion.rotation, mat(inputs.arm.rotation))
     put_spatial(motion.v_ee, spatial(inputs.arm.twist))
-    if config.cycle.has_observer != 0:
+    if observes:
         if not predict_motion(config.law, outputs.gains, inputs.arm, samples, law.slips, observer.twist, motion):
             return Reason.NO_ESTIMATE.value
         if config.estimator.on != 0:
             pad_variances(config.estimator, inputs.arm, motion)
     if config.estimator.on != 0 and config.command.interface != Interface.EFFORT:
         put_twist_now(config, state, inputs, motion.v_ee)
-    if config.cycle.has_observer != 0:
+    if observes:
         if not observe(config.observer, observer, history, motion, sample.stamp_ns, queue.samples, queue.count):
             return Reason.NO_ESTIMATE.value
         _put_estimate(observer, outputs.estimate)
         outputs.follow_error[:] = observer.error
-    else:
-        adapt_slip_gain(config, state, outputs)
     if outputs.gains.gains.kappa != 0.0:
         limit_internal_gain(config, state, outputs)
     if config.governor.mode != Governing.OFF or config.conditions.slip_needed != 0:
-        estimate_contact(config, task, state, outputs, slip_unknown, dt)
+        estimate_contact(config, task, state, outputs, unknown, dt)
     _slip_for_law(config, state, inputs, outputs, dt)
     return Reason.NONE.value
 
@@ -129,8 +106,8 @@ def _slip_for_law(
 ) -> None:
     """Write the slip velocity that the law answers, and let the object move on the pad by the one of now.
 
-    It is the estimated one, or the newest sample beyond the dead band; with drives that answer late the one to which
-    the commands under way lead; and zero where the law takes the object as held.
+    It is the estimated one, or the newest sample; with drives that answer late the one to which the commands under way
+    lead; and zero where the law takes the object as held.
     """
     law, samples, contact = state.law, outputs.samples, state.pad.contact
     if config.cycle.gate_shut != 0:
@@ -138,10 +115,6 @@ def _slip_for_law(
             samples[k].slip_twist[:] = 0.0
     elif config.cycle.has_observer != 0:
         samples[0].slip_twist[:] = state.observer.twist
-    elif config.cycle.dead_band_linear != 0.0 or config.cycle.dead_band_angular != 0.0:
-        v_s = spatial(config.law.contact[0].slip_axes) * spatial(samples[0].slip_twist)
-        v_s = beyond_dead_band(v_s, config.cycle.dead_band_linear, config.cycle.dead_band_angular)
-        put_spatial(samples[0].slip_twist, v_s)
     integrate_slips(config.law, samples, law.slips, dt, outputs.slips)
     if config.law.yields > 0.0:
         v_s = slip_velocity(config.law.contact[0], samples[0])

@@ -19,7 +19,7 @@ from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs
 
 
 class AtRest(NamedTuple):
-    """What the wrenches of several arms show together at rest.
+    """What the wrenches of all arms show together at rest; of one, and after the tare of all, nothing.
 
     arms: how many; known: whether all hold it and all are measured; beyond: force beyond the weight of the object, a
     share of it for each arm [N] {w}. What is left of a single wrench may be internal: arms may press on each other.
@@ -32,17 +32,16 @@ class AtRest(NamedTuple):
 
 @part
 def all_at_rest(configs: Records[ControllerConfig], states: Records[ArmState], inputs: Records[CycleInputs]) -> AtRest:
-    """Return what the wrenches of all arms show together at rest; of one arm, or after the tare of all, nothing."""
+    """Return what the wrenches of all arms show together at rest."""
     n, held, wanted, beyond = len(configs), configs[0].tare.duration_ns > 0, False, ZERO
     for k in range(n):
         held = held and states[k].mode.mode == Mode.HOLD and states[k].wrench_inputs[0].seen != 0
         wanted = wanted or states[k].tare.done == 0
     if n == 1 or not held or not wanted:
-        return AtRest(n, False, ZERO)
+        return AtRest(n, n == 1, ZERO)
     for k in range(n):
         R = mat(inputs[k].arm.rotation)
-        measured = R @ tared_wrench(configs[k], states[k], R).linear
-        beyond = beyond + (measured - vec(configs[k].hold.weight))
+        beyond = beyond + (R @ tared_wrench(configs[k], states[k], R).linear - vec(configs[k].hold.weight))
     return AtRest(n, True, (1.0 / n) * beyond)
 
 
@@ -56,25 +55,24 @@ def tare(config: ControllerConfig, state: ArmState, inputs: CycleInputs, togethe
     if inputs.request == Request.TARE and not follows(state.mode.mode):
         start_tare(tare, NEVER)
         tare.watched = 0
+    n, last = config.law.joints, state.joint.last
     if tare.done == 0 and state.mode.mode == Mode.HOLD:
-        n, stamp_ns, wrench = config.law.joints, state.joint.answers.stamp_ns, state.wrench_inputs[0]
+        stamp_ns, wrench = state.joint.answers.stamp_ns, state.wrench_inputs[0]
         paused = inputs.now_ns - state.now_ns > config.conditions.gap_ns  # something else may have moved the arm
         if tare.watched == 0 or paused:
             tare.watched, tare.watched_from[:] = 1, state.joint.answers.position
         six, (beyond, expected) = np.zeros(6), _wrench_at_rest(config, state, inputs, together)
-        over = measure_at_rest(
-            config.tare, tare, stamp_ns, state.joint.last.position[:n], state.joint.last.velocity[:n]
-        )
+        over = measure_at_rest(config.tare, tare, stamp_ns, last.position[:n], last.velocity[:n])
         for k in range(queue.count):
             if queue.samples[k].stamp_ns >= tare.begun_ns:
                 add_slip(config.tare, tare, queue.samples[k].twist)
-        if wrench.stamp_ns > tare.wrench_ns and (together.arms == 1 or together.known):
+        if wrench.stamp_ns > tare.wrench_ns and together.known:
             tare.wrench_ns = wrench.stamp_ns
             put_spatial(six, beyond)
             add(tare.wrench, six, 6)
         if over:
             put_spatial(six, expected)
-            take_biases(config.tare, tare, six, stamp_ns, state.joint.last.position[:n])
+            take_biases(config.tare, tare, six, stamp_ns, last.position[:n])
     elif tare.done == 0:
         tare.watched, tare.begun_ns = 0, NEVER
     for k in range(queue.count):

@@ -12,17 +12,6 @@ from slip_vic_controller.safety.hold import carry_load, plausible_arm
 from slip_vic_controller.safety.modes import follows
 from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs, TaskState
 
-LOSS = 0.5
-"""Share of the weight by which a wrench differs from the model's where the object is not held as it was."""
-
-
-@part
-def measured_wrench(config: ControllerConfig, state: ArmState, R_ee: Mat) -> Spatial:
-    """Return the wrench on the own pad [N, N m] {ee} as the sensor reads it, or that of the model."""
-    if state.wrench_modelled != 0:
-        return spatial(state.wrench_of_model[0])
-    return wrench_at_pad(config.wrench_sensor, state.wrench_inputs[0].values, R_ee)
-
 
 @part
 def tared_wrench(config: ControllerConfig, state: ArmState, R_ee: Mat) -> Spatial:
@@ -35,10 +24,9 @@ def tared_wrench(config: ControllerConfig, state: ArmState, R_ee: Mat) -> Spatia
 @part
 def own_wrench(config: ControllerConfig, state: ArmState, R_ee: Mat) -> Spatial:
     """Return the wrench of the object on the own pad [N, N m] {ee}, without the sensor's bias, or that of the model."""
-    measured = measured_wrench(config, state, R_ee)
     if state.wrench_modelled != 0:
-        return measured
-    return measured - spatial(state.tare.wrench.bias)
+        return spatial(state.wrench_of_model[0])
+    return tared_wrench(config, state, R_ee) - spatial(state.tare.wrench.bias)
 
 
 @part
@@ -92,11 +80,3 @@ def model_wrench(config: ControllerConfig, task: TaskState, state: ArmState, inp
     for k in range(config.law.contacts):
         if inputs.arm.M[0, 0] > 0.0:
             put_spatial(state.wrench_of_model[k], (R_o @ pad_rotation(config.law.contact[k], law.slips[k])).T() @ load)
-
-
-@part
-def shows_loss(config: ControllerConfig, state: ArmState, inputs: CycleInputs) -> bool:
-    """Return whether the sensor reads much less than the model's wrench, or another one: the object may be lost."""
-    R = mat(inputs.arm.rotation)
-    read = wrench_at_pad(config.wrench_sensor, state.wrench_inputs[0].values, R) - spatial(state.tare.wrench.bias)
-    return (read - spatial(state.wrench_of_model[0])).linear.norm() > LOSS * vec(config.hold.weight).norm()

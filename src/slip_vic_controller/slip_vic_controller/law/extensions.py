@@ -13,7 +13,7 @@ from typing import Final
 
 from slip_core.compiled import part
 from slip_core.records import Real, Record, dtype_of
-from slip_core.vectors import ZERO, Mat, Spatial
+from slip_core.vectors import Mat, Spatial
 from slip_vic_controller.law.gains import Gains
 from slip_vic_controller.law.paper import slip_activation
 
@@ -44,20 +44,6 @@ def limit_spin(limit: float, motion: Spatial) -> Spatial:
     if size > limit:
         return Spatial(motion.linear, (limit / size) * motion.angular)
     return motion
-
-
-@part
-def beyond_dead_band(v_s: Spatial, linear: float, angular: float) -> Spatial:
-    """Return a slip velocity [m/s, rad/s] with zero for what lies in the dead band; without a band itself.
-
-    Reason: noise of a sensor that is used as it comes would hold the gate open.
-
-    Implements: ours.
-    """
-    return Spatial(
-        v_s.linear if linear == 0.0 or v_s.linear.norm() > linear else ZERO,
-        v_s.angular if angular == 0.0 or v_s.angular.norm() > angular else ZERO,
-    )
 
 
 @part

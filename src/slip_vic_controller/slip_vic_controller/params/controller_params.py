@@ -231,8 +231,7 @@ class ControllerParams(ArmParams):
         0.0, "time by which the stamps of the slip input are later than the measurement", unit="s", ge=0.0
     )
     slip_estimator: Literal["measured", "observer"] = parameter(
-        "measured",
-        "slip velocity of the law: newest sample beyond the dead band of slip_sensor (0: the printed law), or observer",
+        "measured", "slip velocity of the law: newest sample (the printed law), or observer"
     )
     slip_sensor: SlipSensorModel = Field(default_factory=SlipSensorModel)
     wrench_sensor: WrenchSensorModel = Field(default_factory=WrenchSensorModel)

@@ -296,12 +296,6 @@ def put_why(r: WhyRecord, why: Why) -> None:
 
 
 @part
-def same_words(a: Why, b: Why) -> bool:
-    """Return whether two are the same but for their numbers."""
-    return bool(a.reason == b.reason and a.fault == b.fault and a.prefix == b.prefix and a.which == b.which)
-
-
-@part
 def since_when(since_ns: int, so: bool, now_ns: int) -> int:
     """Return since when something is so [ns], NEVER where it is not; since_ns: since when it was so until now."""
     if not so:

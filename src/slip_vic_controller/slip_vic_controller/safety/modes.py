@@ -72,7 +72,6 @@ class ModeState(Record):
     """The mode and its history."""
 
     mode: Whole  # Mode
-    since_ns: Whole  # when it was entered
     enabled: Whole  # whether the law is wanted
     good_since_ns: Whole  # since when nothing speaks against the law, NEVER = something does
     reason: WhyRecord
@@ -98,14 +97,6 @@ def holds_for(state: ModeState, reason: int, fault: int) -> bool:
 
 
 @part
-def begin_modes(policy: ModePolicy, state: ModeState, now_ns: int) -> None:
-    """Begin: no effort before every input was seen and is plausible."""
-    state.mode, state.since_ns = Mode.WAITING_INPUT, now_ns
-    state.enabled, state.good_since_ns = policy.auto_enable, NEVER
-    put_why(state.reason, because(Reason.NO_INPUT_YET.value, 0))
-
-
-@part
 def next_mode(policy: ModePolicy, state: ModeState, why: Why, request: int, now_ns: int) -> None:
     """Go to the mode of this cycle; why: what speaks against the law, NOTHING where nothing does.
 
@@ -122,34 +113,33 @@ def next_mode(policy: ModePolicy, state: ModeState, why: Why, request: int, now_
     if request == Request.FAILED or severity == Severity.FAULT:
         if request == Request.FAILED:
             why = because(Reason.INTERNAL.value, 0)
-        _go(state, Mode.FAULT, why, now_ns, False, good_since)
+        _go(state, Mode.FAULT, why, False, good_since)
         return
     if state.mode == Mode.FAULT:
         before = prefixed(before, Prefix.AFTER_RESET.value)
-        state.mode, state.since_ns = Mode.HOLD, now_ns
-        enabled = False
+        state.mode, enabled = Mode.HOLD, False
     if severity == Severity.WAITING_INPUT:
-        _go(state, Mode.WAITING_INPUT, why, now_ns, enabled, NEVER)
+        _go(state, Mode.WAITING_INPUT, why, enabled, NEVER)
     elif severity == Severity.HOLD:
         if request == Request.HOLD or (_asked(before) and not enabled):
             why = prefixed(why, Prefix.ASKED_AND.value)
-        _go(state, Mode.HOLD, why, now_ns, enabled, NEVER)
+        _go(state, Mode.HOLD, why, enabled, NEVER)
     elif not enabled:
         if request == Request.HOLD or _asked(before):
             before = because(Reason.ASKED.value, 0)
         elif state.mode != Mode.HOLD:
             before = because(Reason.NOT_ENABLED.value, 0)
-        _go(state, Mode.HOLD, before, now_ns, False, good_since)
+        _go(state, Mode.HOLD, before, False, good_since)
     elif (
         state.mode == Mode.HOLD
         and request != Request.ENABLE
         and (good_since == NEVER or now_ns - good_since < policy.resume_after_ns)
     ):
-        _go(state, Mode.HOLD, prefixed(before, Prefix.RESUMES_AFTER.value), now_ns, True, good_since)
+        _go(state, Mode.HOLD, prefixed(before, Prefix.RESUMES_AFTER.value), True, good_since)
     elif severity == Severity.DEGRADED:
-        _go(state, Mode.DEGRADED, why, now_ns, True, good_since)
+        _go(state, Mode.DEGRADED, why, True, good_since)
     else:
-        _go(state, Mode.ACTIVE, NOTHING, now_ns, True, good_since)
+        _go(state, Mode.ACTIVE, NOTHING, True, good_since)
 
 
 @part
@@ -162,8 +152,6 @@ def _asked(why: Why) -> bool:
 
 
 @part
-def _go(state: ModeState, mode: int, why: Why, now_ns: int, enabled: bool, good_since_ns: int) -> None:
-    if state.mode != mode:
-        state.since_ns = now_ns
+def _go(state: ModeState, mode: int, why: Why, enabled: bool, good_since_ns: int) -> None:
     state.mode, state.enabled, state.good_since_ns = 0 + mode, 1 if enabled else 0, good_since_ns
     put_why(state.reason, why)

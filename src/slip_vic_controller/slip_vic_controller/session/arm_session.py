@@ -16,7 +16,7 @@ from slip_vic_controller.arm.config import with_measured_noise
 from slip_vic_controller.config import renew_config, use_noise
 from slip_vic_controller.contact.layouts import ROW_SIZE
 from slip_vic_controller.contact.slip_displacement import SlipFromDisplacement
-from slip_vic_controller.cycle.cycle import ANSWERED, CHANGED, watchdog
+from slip_vic_controller.cycle.cycle import cycle
 from slip_vic_controller.law.gains import LAW_GAINS, RAMP, make_ramp, sample_gains
 from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.safety.conditions import SAMPLE_FAULTS, Missing, Reason, describe
@@ -38,11 +38,10 @@ from slip_vic_controller.state import (
     CONFIG,
     INPUTS,
     INPUTS_SIZE,
-    OUTPUTS,
     OUTPUTS_SIZE,
     TASK_SIZE,
     ArmState,
-    Step,
+    CycleInputs,
 )
 
 if TYPE_CHECKING:  # the session over all arms makes this one, and each calls the other
@@ -52,7 +51,7 @@ if TYPE_CHECKING:  # the session over all arms makes this one, and each calls th
 _MODES = tuple(Mode)
 _UNANSWERED = tuple(unanswered(fault) for fault in range(SAMPLE_FAULTS))
 _ARM = place(INPUTS, "arm")
-_STEP = place(OUTPUTS, "decision.step").start
+_COMMANDED = [place(ARM_STATE, name) for name in ("mode", "limiter.effort", "motion.velocity")]
 _RAMP = place(ARM_STATE, "law.ramp")
 _ANSWERS = [place(ARM_STATE, f"joint.answers.{name}").start for name in ("position", "velocity")]
 _CYCLES, _LAW_KNOWN = place(ARM_STATE, "cycles").start, place(ARM_STATE, "law.known").start
@@ -102,7 +101,7 @@ class ArmSession:
         self._manifest: Manifest | None = None
         self._wrench_counts, self._slip_counts = [0] * self.contacts, [0] * self.contacts
         self._displacements = [SlipFromDisplacement() for _ in range(self.contacts)]
-        self._request = self._asked = int(Request.NONE)  # numbers: members of an enum are slow to pass on
+        self._request = int(Request.NONE)  # numbers: members of an enum are slow to pass on
         self._tuned: ControllerParams | None = None
         self._outside_counts: Counter[str] = Counter()
 
@@ -286,13 +285,11 @@ class ArmSession:
 
     def take_request(self) -> int:
         """Return the mode that is requested, from now on for the cycle that begins."""
-        self._asked, self._request = self._request, 0
-        return self._asked
+        request, self._request = self._request, 0
+        return request
 
     def result(self, joint: JointSample, exchange: Array, commands: bool) -> CycleResult:
         """Return the result of a cycle for this arm, which has advanced its state.
-
-        A request stays for the next cycle where this one has only bridged a bad joint state.
 
         Args:
             joint: the joint state that it answers.
@@ -300,8 +297,6 @@ class ArmSession:
             commands: whether there is a command.
         """
         own = exchange[self._outputs]
-        if self._asked and own.view(np.int64)[_STEP] == Step.BRIDGE:
-            self._request = self._asked
         numbers = own[self.controller.command_place] if commands else NO_NUMBERS
         return CycleResult(self.controller, joint, self.mode, numbers, exchange[self._inputs], own)
 
@@ -369,12 +364,18 @@ class ArmSession:
 
     def without_joint_state(self, now_ns: int) -> tuple[CycleResult, bool]:
         """Run a cycle on the last good joint state; return its result, and whether effort or mode have changed."""
-        exchange, newest = self._session.new_exchange(), self.newest_joint
+        exchange, newest, before = self._session.new_exchange(), self.newest_joint, self._commanded()
         assert newest is not None  # an arm that has begun has sent
-        buffer, request = self._session.buffer, self.take_request()
-        found = watchdog(self._session.config, buffer, exchange, self.index, now_ns, request)
+        given: CycleInputs = record(exchange[self._inputs], INPUTS)
+        given.present, given.now_ns, given.request = 1, now_ns, self.take_request()
+        self.state.joint.pending_fault = int(Reason.SILENT)
+        answered = cycle(self._session.config, self._session.buffer, exchange)
         exchange.setflags(write=False)
-        return self.result(newest, exchange, bool(found & ANSWERED)), bool(found & CHANGED)
+        return self.result(newest, exchange, bool(answered >> self.index & 1)), self._commanded() != before
+
+    def _commanded(self) -> bytes:
+        """Return the mode, and what has been commanded last."""
+        return b"".join(self.row[of].tobytes() for of in _COMMANDED)
 
     # -- statistics --------------------------------------------------------------------------------
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from slip_core.arms import shared
 from slip_core.arrays import Array
-from slip_core.records import place, records
+from slip_core.records import Records, place, record, records
 from slip_core.types import JointCommand
 from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.config import make_config
@@ -17,7 +17,9 @@ from slip_vic_controller.contact.config import capacity
 from slip_vic_controller.contact.layouts import ROW_SIZE
 from slip_vic_controller.law.gains import RAMP, gain_report, make_law_gains, steady
 from slip_vic_controller.params.controller_params import ControllerParams
-from slip_vic_controller.state import ARM_SIZE, ARM_STATE, OUTPUTS, TASK_SIZE
+from slip_vic_controller.safety.conditions import Reason
+from slip_vic_controller.sizes import NEVER
+from slip_vic_controller.state import ARM_SIZE, ARM_STATE, CONFIG, OUTPUTS, TASK_SIZE, TASK_STATE, ArmState
 
 _COMMAND = place(OUTPUTS, "command")
 
@@ -82,8 +84,19 @@ class Controller:
         """Return the state before the first cycle: TASK_STATE, ARM_STATE of each arm, histories of their observers."""
         n = len(self.arms)
         state = np.zeros(TASK_SIZE + n * (ARM_SIZE + self.rows * ROW_SIZE))
-        for k, arm in enumerate(self.arms.values()):
-            records(state[TASK_SIZE : TASK_SIZE + n * ARM_SIZE], ARM_STATE)[k].tuned = steady(arm.gains).view(RAMP)[0]
+        record(state[:TASK_SIZE], TASK_STATE).path.scale = 1.0
+        rows: Records[ArmState] = records(state[TASK_SIZE : TASK_SIZE + n * ARM_SIZE], ARM_STATE)
+        for row, arm in zip(rows, self.arms.values(), strict=True):
+            row.mode.enabled, row.mode.good_since_ns = record(arm.config, CONFIG).modes.auto_enable, NEVER
+            row.mode.reason.reason = Reason.NO_INPUT_YET
+            for condition in row.conditions:
+                condition.since_ns = NEVER
+            for slip in row.law.slips:
+                slip.rotation[:] = np.eye(3)
+            row.sliding_ns = -1  # what slides in the very first sample is believed
+            row.tare.begun_ns = row.tare.wrench_ns = NEVER
+            row.observed.path_speed, row.tuned = 1.0, steady(arm.gains).view(RAMP)[0]
+            row.grip.command = row.grip.actual = arm.params.grip.nominal_force
         return state
 
 

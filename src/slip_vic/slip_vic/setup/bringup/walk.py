@@ -182,10 +182,7 @@ class Walk:
             f"{1e3 * SLIP_OFFSET:.0f} mm/s",
             (not speed < RESTING_SPEED, "let the arm come to rest"),
             (math.isnan(offset), "the slip sensor reports that it does not measure: see its own messages"),
-            (
-                not offset < SLIP_OFFSET,
-                "the slip sensor reads slip where there is none: calibrate it, or set slip_sensor.dead_band_linear",
-            ),
+            (not offset < SLIP_OFFSET, "the slip sensor reads slip where there is none: calibrate it"),
             (not force < most, "filter the wrench in its driver, or grip harder and set governor.friction_limit"),
         )
 

@@ -47,48 +47,50 @@ def finish(
         q, qd: joint state [rad], [rad/s].
         law_at_work: whether the effort is the law's.
     """
-    n, now_ns, by_effort = config.law.joints, inputs.now_ns, config.command.interface == Interface.EFFORT
-    moves_s = min(_passed_s(config, state, inputs), 1e-9 * config.motion.drive.longest_step_ns)
-    if needs_restart(config.motion.drive, state.limiter, now_ns):
+    n, now_ns, drive, by_effort = config.law.joints, inputs.now_ns, config.motion.drive, is_effort(config)
+    passed_s = 1e-9 * min(max(now_ns - state.now_ns, 0), LONGEST_PAUSE * config.cycle.period_ns)
+    moves_s, h = min(passed_s, 1e-9 * drive.longest_step_ns), np.empty(6)
+    put_own_wrench(config, state, inputs, h)
+    if needs_restart(drive, state.limiter, now_ns):
         # Loops of the drives overcome friction, which the model does not have: there it begins with gravity.
         felt = np.zeros(MAX_JOINTS)
         if by_effort:
             felt[:] = state.joint.answers.effort
-        start_limiter(config.motion.drive, state.limiter, n, felt, state.law.gravity, now_ns)
+        start_limiter(drive, state.limiter, n, felt, state.law.gravity, now_ns)
         known = state.motion.started == 0 or inputs.arm.M[0, 0] > 0.0  # else nothing tells where the drives are by now
         if known and not by_effort:
             _start_motion(config, state, q, qd)
-            moves_s = min(moves_s, 1e-9 * config.motion.drive.period_ns)
-    torque, clipped = np.empty(MAX_JOINTS), np.zeros(MAX_JOINTS, np.int64)
+            moves_s = min(moves_s, 1e-9 * drive.period_ns)
+    torque, clipped, saturated = np.empty(MAX_JOINTS), np.zeros(MAX_JOINTS, np.int64), 0
     torque[:n] = outputs.wanted[:n]
     if config.estimator.on != 0 and by_effort:  # what a drive with a loop of its own does not follow is no torque
-        _oppose_disturbance(config, state, inputs, torque)
+        _oppose_disturbance(config, state, inputs, h, passed_s, torque)
     avoid_limits(config.motion, n, q, qd, inputs.arm.M, torque)
-    finite = limit_effort(config.motion.drive, state.limiter, n, torque, now_ns, clipped, outputs.limited)
+    finite = limit_effort(drive, state.limiter, n, torque, now_ns, clipped, outputs.limited)
     if not by_effort:
-        _move(config, state, inputs, outputs, moves_s)
-    _remember_input(config, state, inputs, by_effort)
+        _move(config, state, inputs, h, moves_s)
+    _remember_input(config, state, inputs, h)
     if config.estimator.on != 0:
         publish_joints(state.estimate, outputs.joints)
-    saturated = 0
     for j in range(n):
         outputs.effort[j] = state.limiter.effort[j]
         if config.cycle.leaves_gravity != 0:
             outputs.effort[j] -= state.law.gravity[j]
-        if by_effort:
-            outputs.command[j] = outputs.effort[j]
+        outputs.command[j] = outputs.effort[j]
+        if config.command.interface == Interface.POSITION:
+            outputs.command[j] = state.motion.position[j]
+        elif config.command.interface == Interface.VELOCITY:
+            outputs.command[j] = state.motion.velocity[j]
         outputs.saturated[j] = 1 if clipped[j] != 0 or (law_at_work and outputs.law.saturated[j] != 0) else 0
         saturated += outputs.saturated[j]
     see(state.conditions, because(Reason.SATURATED.value, 0), saturated != 0, now_ns)
-    state.now_ns = now_ns
-    outputs.answered = 1
-    outputs.ok = 1 if law_at_work and finite else 0
+    state.now_ns, outputs.answered, outputs.ok = now_ns, 1, 1 if law_at_work and finite else 0
 
 
 @part
-def _passed_s(config: ControllerConfig, state: ArmState, inputs: CycleInputs) -> float:
-    """Return the time since the last command [s], no longer than a few control periods."""
-    return float(min(max(inputs.now_ns - state.now_ns, 0), LONGEST_PAUSE * config.cycle.period_ns) * 1e-9)
+def is_effort(config: ControllerConfig) -> bool:
+    """Return whether drives take efforts, and not velocities or positions."""
+    return bool(config.command.interface == Interface.EFFORT)
 
 
 @part
@@ -107,12 +109,12 @@ def _start_motion(config: ControllerConfig, state: ArmState, q: Array, qd: Array
 
 
 @part
-def _oppose_disturbance(config: ControllerConfig, state: ArmState, inputs: CycleInputs, torque: Array) -> None:
+def _oppose_disturbance(
+    config: ControllerConfig, state: ArmState, inputs: CycleInputs, h: Array, dt: float, torque: Array
+) -> None:
     """Take what the model of the arm leaves out off the effort; without a good joint state as in the cycle before."""
-    if inputs.arm.M[0, 0] > 0.0:
-        dt, arm = _passed_s(config, state, inputs), inputs.arm
-        h, of_wrench = np.empty(6), np.zeros(MAX_JOINTS)
-        put_own_wrench(config, state, inputs, h)
+    arm, of_wrench = inputs.arm, np.zeros(MAX_JOINTS)
+    if arm.M[0, 0] > 0.0:
         for j in range(config.law.joints):
             for i in range(6):
                 of_wrench[j] += arm.J[i, j] * h[i]
@@ -124,22 +126,16 @@ def _oppose_disturbance(config: ControllerConfig, state: ArmState, inputs: Cycle
 
 
 @part
-def _move(config: ControllerConfig, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, dt: float) -> None:
-    """Write the velocity or position that the effort makes of the last one; without the law it comes to rest.
+def _move(config: ControllerConfig, state: ArmState, inputs: CycleInputs, h: Array, dt: float) -> None:
+    """Let the commanded motion be what the effort makes of the last one; without the law it comes to rest.
 
-    A short gap of good joint states is bridged with the velocity before. A pause counts no longer than in the effort
-    limiter, and not at all where the command begins anew: drives that have come to rest at the last command meanwhile
-    would take what it is worth in one period.
-
-    Args:
-        config, state, inputs, outputs: of the arm.
-        dt: time that the command moves on [s].
+    A pause counts no longer than in the effort limiter, and not at all where the command begins anew: drives that have
+    come to rest at the last command meanwhile would take what it is worth in one period. dt: time that the command
+    moves on [s].
     """
-    motion, limited = state.motion, np.zeros(MAX_JOINTS, np.int64)
-    estimate = state.estimate
+    motion, estimate, limited, qdd = state.motion, state.estimate, np.zeros(MAX_JOINTS, np.int64), np.zeros(MAX_JOINTS)
     if follows(state.mode.mode):
-        qdd = np.zeros(MAX_JOINTS)
-        _acceleration(config, state, inputs, qdd)
+        _put_acceleration(config, state, inputs, h, qdd)
         advance_motion(config.command, motion, qdd, estimate.velocity, dt, limited)
         ignored = ignored_joint(config.command, motion, estimate.velocity, dt)
         if ignored >= 0:
@@ -148,30 +144,26 @@ def _move(config: ControllerConfig, state: ArmState, inputs: CycleInputs, output
         stop_motion(config.command, motion, dt, limited)
         if estimate.finding == Finding.IGNORED:
             return_to(config.command, motion, estimate.position, dt)
-    for j in range(config.law.joints):
-        position = config.command.interface == Interface.POSITION
-        outputs.command[j] = motion.position[j] if position else motion.velocity[j]
 
 
 @part
-def _acceleration(config: ControllerConfig, state: ArmState, inputs: CycleInputs, qdd: Array) -> None:
-    """Write the acceleration that the effort gives the joints (n,) [rad/s^2]; zeros without a good joint state."""
-    h, arm = np.empty(6), inputs.arm
-    if arm.M[0, 0] > 0.0:
-        put_own_wrench(config, state, inputs, h)
-        if not joint_acceleration(config.law.joints, arm.M, arm.bias, arm.J, h, state.limiter.effort, qdd):
-            qdd[:] = 0.0
+def _put_acceleration(config: ControllerConfig, state: ArmState, inputs: CycleInputs, h: Array, qdd: Array) -> None:
+    """Write the acceleration that the effort gives the joints (n,) [rad/s^2]; as it is without a good joint state."""
+    arm = inputs.arm
+    seen, n, effort = arm.M[0, 0] > 0.0, config.law.joints, state.limiter.effort
+    if seen and not joint_acceleration(n, arm.M, arm.bias, arm.J, h, effort, qdd):
+        qdd[:] = 0.0
 
 
 @part
-def _remember_input(config: ControllerConfig, state: ArmState, inputs: CycleInputs, by_effort: bool) -> None:
+def _remember_input(config: ControllerConfig, state: ArmState, inputs: CycleInputs, h: Array) -> None:
     """Keep what the joints are known to do: the acceleration by the effort, or the velocity that drives follow.
 
     Without a good joint state the effort goes on as it was, and so does the acceleration.
     """
     u = state.estimate.inputs[state.estimate.newest].copy()
-    if not by_effort:
+    if is_effort(config):
+        _put_acceleration(config, state, inputs, h, u)
+    else:
         u[:] = state.motion.velocity
-    elif inputs.arm.M[0, 0] > 0.0:
-        _acceleration(config, state, inputs, u)
     remember_input(config.estimator, state.estimate, u)

@@ -7,9 +7,9 @@ import numpy as np
 from slip_core.compiled import part
 from slip_vic_controller.arm.command import Interface
 from slip_vic_controller.cycle.contact import held
-from slip_vic_controller.cycle.finishing import finish
 from slip_vic_controller.cycle.governing import follow_goal, governed_reference, guard
-from slip_vic_controller.cycle.holding import hold_without_law, keep_joints
+from slip_vic_controller.cycle.holding import fail, keep_joints
+from slip_vic_controller.cycle.limit import finish
 from slip_vic_controller.cycle.sensing import put_twist_of_joints
 from slip_vic_controller.cycle.wrench import put_own_wrench
 from slip_vic_controller.governor.plan import Governing
@@ -28,15 +28,17 @@ def follow(
     config: ControllerConfig, task: TaskState, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, lead: bool
 ) -> None:
     """Let the law command the arm, on what `sense` has found."""
-    sample, n = state.joint.answers, config.law.joints
+    sample, n, axes, law = state.joint.answers, config.law.joints, config.law.contact[0].slip_axes, outputs.law
     dt_ns = max(sample.stamp_ns - state.law.stamp_ns, 0)
     cause = command(config, task, state, inputs, outputs, lead)
     if cause != Reason.NONE:
-        hold_without_law(config, task, state, inputs, outputs, cause)
+        fail(config, task, state, inputs, outputs, cause, lead)
         return
-    keep_law(config, state, inputs, outputs)
-    outputs.wanted[:n] = outputs.law.effort[:n]
-    axes, law = config.law.contact[0].slip_axes, outputs.law
+    state.law.e_previous[:] = law.e[3:]
+    for k in range(config.law.contacts):
+        state.law.slips[k] = outputs.slips[k]
+    keep_joints(config, state, inputs)
+    outputs.wanted[:n] = law.effort[:n]
     observe_motion(config.drop, axes, state.observed, inputs.arm, law, outputs.reference, dt_ns * 1e-9)
     _watch_following(config, state, inputs, outputs)
     finish(config, state, inputs, outputs, sample.position, sample.velocity, True)
@@ -88,15 +90,6 @@ def _reference(config: ControllerConfig, task: TaskState, state: ArmState, outpu
     for k in range(3):
         finite = finite and all_finite(outputs.reference.rotation[k])
     return finite
-
-
-@part
-def keep_law(config: ControllerConfig, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs) -> None:
-    """Keep what the next evaluation of the law needs of this one."""
-    state.law.e_previous[:] = outputs.law.e[3:]
-    for k in range(config.law.contacts):
-        state.law.slips[k] = outputs.slips[k]
-    keep_joints(config, state, inputs)
 
 
 @part
