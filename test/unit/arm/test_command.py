@@ -61,8 +61,7 @@ def test_any_command_keeps_every_limit(seed: int, period: float) -> None:
         assert set(limited.tolist()) <= {0, 1}
         assert finite == bool(np.isfinite(wanted).all())
         assert (np.abs(state.velocity[:N]) <= VELOCITY + ROUNDING).all()
-        assert (np.abs(state.acceleration[:N]) <= ACCELERATION + ROUNDING).all()
-        np.testing.assert_allclose(state.velocity[:N] - before, period * state.acceleration[:N], atol=ROUNDING)
+        assert (np.abs(state.velocity[:N] - before) <= ACCELERATION * period + ROUNDING).all()
         assert (np.abs(state.position[:N]) <= reach).all()
 
 
@@ -96,13 +95,11 @@ def test_stop_without_reversal() -> None:
     config = limits()
     state, limited = begun(config, np.zeros(N), np.array([1.5, -0.9, 2.9])), np.zeros(MAX_JOINTS, np.int64)
     sign = np.sign(state.velocity[:N])
-    for _ in range(2000):
-        if stop_motion(config, state, PERIOD, limited):
-            break
+    for _ in range(200):
+        before = state.velocity[:N].copy()
+        stop_motion(config, state, PERIOD, limited)
         assert (sign * state.velocity[:N] >= -ROUNDING).all()
-        assert (np.abs(state.acceleration[:N]) <= ACCELERATION).all()
-    else:
-        pytest.fail("it never came to rest")
+        assert (np.abs(state.velocity[:N] - before) <= ACCELERATION * PERIOD + ROUNDING).all()
     assert not state.velocity[:N].any()
 
 

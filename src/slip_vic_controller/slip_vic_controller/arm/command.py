@@ -55,7 +55,6 @@ class MotionCommand(Record):
     started: Whole
     position: Annotated[Array, MAX_JOINTS]  # rad
     velocity: Annotated[Array, MAX_JOINTS]  # rad/s
-    acceleration: Annotated[Array, MAX_JOINTS]  # rad/s^2
     ignored_s: Annotated[Array, MAX_JOINTS]  # s; for how long a joint has not moved so
 
 
@@ -73,7 +72,7 @@ def start_motion(config: CommandConfig, state: MotionCommand, q: Array, qd: Arra
     """Begin at the joint state; (n,) [rad], [rad/s]. A velocity beyond the limit begins at the limit."""
     for j in range(config.joints):
         most = config.velocity[j]
-        state.position[j], state.acceleration[j] = within_range(config, j, q[j]), 0.0
+        state.position[j] = within_range(config, j, q[j])
         state.velocity[j] = min(max(qd[j], -most), most)
         state.ignored_s[j] = 0.0
     state.started = 1
@@ -147,7 +146,6 @@ def advance_motion(
         limited[j] = 1 if new != wanted else 0
         state.position[j] = within_range(config, j, state.position[j] + (v + 0.5 * new * T) * T)
         state.velocity[j] = v + new * T
-        state.acceleration[j] = new
     return finite
 
 
@@ -178,14 +176,11 @@ def return_to(config: CommandConfig, state: MotionCommand, q: Array, dt: float) 
 
 
 @part
-def stop_motion(config: CommandConfig, state: MotionCommand, dt: float, limited: WholeArray) -> bool:
-    """Bring the command to rest inside its limits; return whether it was at rest before. dt: since then [s]."""
+def stop_motion(config: CommandConfig, state: MotionCommand, dt: float, limited: WholeArray) -> None:
+    """Bring the command to rest inside its limits; dt: since the command before [s]."""
     nowhere, before = np.full(MAX_JOINTS, np.nan), state.velocity.copy()
     state.ignored_s[:] = 0.0
-    if dt <= 0.0:
-        return False
     advance_motion(config, state, nowhere, before, dt, limited)
     for j in range(config.joints):
         if abs(before[j]) <= config.acceleration[j] * dt:  # to the last bit
-            state.velocity[j], state.acceleration[j] = 0.0, 0.0
-    return not before[: config.joints].any()
+            state.velocity[j] = 0.0
