@@ -62,7 +62,7 @@ def test_too_heavy_path_is_refused() -> None:
     done = run("vertical_plane", "controller.governor.margin=0.95", seconds=1.0)
     assert done.slip_m < HELD_M
     assert done.end.mode == Mode.HOLD
-    assert done.end.reason.startswith("friction cannot carry the object where the path is at 0.800 s")
+    assert done.end.reason.startswith("friction cannot carry the object at 800 ms of the path")
 
 
 def test_off_equals_printed_law() -> None:
