@@ -23,7 +23,7 @@ MODEL: Final = "model"
 
 
 class Audience:
-    """The browsers: serves the page, sends each the model and then frames; one that is too slow is let go."""
+    """The browsers: serves the page, sends each the model and then frames; a slow one misses some."""
 
     def __init__(self, host: str, port: int) -> None:
         self._page = assemble(
@@ -48,7 +48,9 @@ class Audience:
     async def _serve(self, host: str, port: int, started: Future[int]) -> None:
         self._loop, self._over = asyncio.get_running_loop(), asyncio.Event()
         try:
-            server = await serve(self._attend, host, port, process_request=self._answer, compression=None)
+            server = await serve(
+                self._attend, host, port, process_request=self._answer, compression=None, ping_interval=None
+            )
         except OSError as error:
             started.set_exception(error)
             return
@@ -67,8 +69,8 @@ class Audience:
         self._say(model, "model")
 
     def send(self, data: bytes) -> None:
-        """Send a frame to every browser."""
-        self._say(data, "frame")
+        """Send a frame to every browser that has got what was sent before."""
+        self._say(data, "frame", late=False)
 
     def mode(self, arm: int, text: str) -> None:
         """Send the mode of an arm with its reason, which no frame holds."""
@@ -83,13 +85,17 @@ class Audience:
         self._loop.call_soon_threadsafe(self._over.set)
         self._thread.join()
 
-    def _say(self, message: bytes | str, keep: str = "") -> None:
-        """Send a message to every browser; keep: what it replaces for a browser that comes later."""
+    def _say(self, message: bytes | str, keep: str = "", *, late: bool = True) -> None:
+        """Send a message to every browser.
+
+        keep: what it replaces for a browser that comes later; late: also to one that is behind.
+        """
 
         def say() -> None:
             if keep:
                 self._kept[keep] = message
-            broadcast(self._browsers, message)
+            behind = {one for one in self._browsers if not late and one.transport.get_write_buffer_size()}
+            broadcast(self._browsers - behind, message)
 
         self._loop.call_soon_threadsafe(say)
 
