@@ -25,7 +25,7 @@ def test_a_lost_object_may_be_allowed() -> None:
     ("words", "kind", "reason"),
     [
         ((*PRINTED, "--set", "bridge.duration_s=0.3"), "FAULT", "the limit is"),
-        ((*REFUSED, "--set", "bridge.duration_s=0.3", "--in-process"), "UNREACHABLE", "where the path is at 0.800 s"),
+        ((*REFUSED, "--set", "bridge.duration_s=0.3", "--in-process"), "UNREACHABLE", "at 800 ms of the path"),
     ],
     ids=["fault", "refused path"],
 )

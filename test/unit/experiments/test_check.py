@@ -21,7 +21,7 @@ def test_an_infeasible_path_is_refused_with_its_place() -> None:
     code, words = check("--scenario", "vertical_plane", "--set", "controller.governor.margin=0.95", *less)
     assert code == 2
     assert "refused: UNREACHABLE" in words
-    assert "where the path is at 0.800 s" in words
+    assert "at 800 ms of the path" in words
 
 
 def test_it_says_holds_only_of_what_it_has_run() -> None:
