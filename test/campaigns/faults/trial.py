@@ -235,8 +235,9 @@ class Trial:
                 self._newest_command = delivery.sample
             if self._bridge_runs(t):
                 self._bridge.advance([self._shifted(self._newest_command)])
-                if self._bridge.simulation.arms[0].holding != self._held:
-                    self._held = not self._held
+                held = self._bridge.simulation.arms[0].posture is not None
+                if held != self._held:
+                    self._held = held
                     self._joints.begin_again()  # another one holds the arm from now on, and begins from its motion
                 if self._slipped() > LOST_M:
                     self._lost += 1
