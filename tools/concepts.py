@@ -61,7 +61,7 @@ def fading() -> None:
     gains = load_scenario(SCENARIO).controller.gains
     speed = np.linspace(0.0, 0.05, 300)
     figure, axes = plt.subplots(figsize=(6.0, 2.6))
-    axes.plot(1e3 * speed, np.exp(-gains.gamma * speed), color=BLUE, label="stiffness, damping / full value")
+    axes.plot(1e3 * speed, np.exp(-gains.gamma_kp * speed), color=BLUE, label="stiffness, damping / full value")
     axes.plot(1e3 * speed, np.tanh(gains.alpha * speed), color=RED, label="slip activation")
     axes.set(xlabel="slip speed [mm/s]", ylabel="share", ylim=(0, 1.05))
     axes.legend(frameon=False)

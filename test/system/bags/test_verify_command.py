@@ -62,7 +62,7 @@ def test_command_and_exit_codes(tmp_path):
     record_run(recorded, scenario(cycles=SLIPPING_CYCLES))
     good = CliRunner().invoke(bag_command, ["verify", str(recorded)])
     assert (good.exit_code, good.stdout.count("\n")) == (0, 1)
-    bad = CliRunner().invoke(bag_command, ["verify", str(recorded), "--set", "controller.gains.gamma=99"])
+    bad = CliRunner().invoke(bag_command, ["verify", str(recorded), "--set", "controller.gains.gamma_kp=99"])
     assert bad.exit_code == 1
     assert "effort_command, arm_joint" in bad.stdout
 

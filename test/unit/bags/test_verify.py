@@ -26,7 +26,7 @@ OF_OTHER_RUNS = {
     "/parameter_events", "/controller/reference_used", "/slip_displacement", "/slip_flag", "/velocity_command",
 }  # fmt: skip
 # Parameters whose last bit reaches the efforts while the object slips.
-SENSITIVE = ("gains.gamma", "gains.alpha", "object.mass", "nullspace.stiffness", "trajectory.duration_s")
+SENSITIVE = ("gains.gamma_kp", "gains.alpha", "object.mass", "nullspace.stiffness", "trajectory.duration_s")
 
 
 def scenario(name: str = "paper_planar", controller: str = "vic", cycles: int = CYCLES, mode: str = "lockstep"):
@@ -114,7 +114,7 @@ def test_last_bit_of_one_recorded_effort_is_caught(tmp_path):
 
 def test_parameters_that_change_on_the_way(tmp_path):
     """Two changes, each ramping; without knowing of them the replay would not agree."""
-    retune = {100: {"gains.gamma": 50.0}, 200: {"object.mass": 0.55, "gains.alpha": 90.0}}
+    retune = {100: {"gains.gamma_kp": 50.0}, 200: {"object.mass": 0.55, "gains.alpha": 90.0}}
     record_run(tmp_path / "bag", scenario(cycles=SLIPPING_CYCLES), retune=retune)
     assert verdict(tmp_path / "bag").identical
     with Bag(tmp_path / "bag") as bag:

@@ -22,7 +22,7 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     ({"gains.stiffness": (5.0, 5.0, float("nan"), 1.0, 1.0, 1.0)}, ["stiffness", "finite"]),
     ({"gains.k_s": 0.0}, ["gains.k_s", "greater than"]),
     ({"gains.alpha": -1.0}, ["gains.alpha"]),
-    ({"gains.gamma": -1.0}, ["gains.gamma"]),
+    ({"gains.gamma_kp": -1.0}, ["gains.gamma_kp"]),
     ({"gains.ks": 1.0}, ["gains.ks", "did you mean", "gains.k_s"]),
     ({"controler": "vic"}, ["controler", "did you mean controller"]),
     ({"controller": "adaptive"}, ["controller", "vic", "classical"]),
@@ -70,7 +70,7 @@ def test_defaults_are_the_papers_gains() -> None:
     assert gains.stiffness == (5.0, 5.0, 5.0, 4.5, 4.5, 4.5)
     assert gains.damping == (2.5, 2.5, 2.5, 2.2, 2.2, 2.2)
     assert gains.inertia == (0.4, 0.4, 0.4, 0.3, 0.3, 0.3)
-    assert {gains.gamma, gains.alpha} == {100.0}
+    assert {gains.gamma_kp, gains.alpha} == {100.0}
     assert gains.k_s == 1000.0
 
 

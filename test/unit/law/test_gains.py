@@ -65,8 +65,10 @@ def test_parameters_become_gains() -> None:
     assert gains.gains.spin_limit == math.inf
     assert gains.object.mass == 0.5
     assert (gains.contact_position == [0.02, 0.0, 0.0]).all()
-    faded = record(law_gains(gains__spin="follow", gains__alpha=7.0, gains__gamma=3.0), LAW_GAINS).gains
-    assert faded.gamma_k.tolist() == faded.gamma_d.tolist() == [3.0] * 6
+    fading = {"gains__gamma_kp": 3.0, "gains__gamma_ko": 4.0, "gains__gamma_dp": 5.0, "gains__gamma_do": 6.0}
+    faded = record(law_gains(gains__spin="follow", gains__alpha=7.0, **fading), LAW_GAINS).gains
+    assert faded.gamma_k.tolist() == [3.0] * 3 + [4.0] * 3
+    assert faded.gamma_d.tolist() == [5.0] * 3 + [6.0] * 3
     assert faded.alpha == 7.0
     classical = record(law_gains(controller="classical"), LAW_GAINS).gains
     assert classical.alpha == 0.0

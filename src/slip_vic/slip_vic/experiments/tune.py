@@ -30,12 +30,14 @@ LATER_S: Final = 0.3
 """What less slip may cost against the default: a factor on the largest effort rate, and how much later the latest
 arrival is [s]."""
 DECADE: Final = 10.0
-"""gamma is searched from its default over this to its default times this."""
+"""A gamma is searched from its default over this to its default times this."""
 K_S_RANGE: Final = 20.0
 """k_s is searched from what the sensor's delay allows over this up to what it allows."""
 MARGIN: Final = (0.7, 1.0)
 LEVER_M: Final = 0.03
 """Length that makes turning in the grasp comparable with sliding, as gains.characteristic_length."""
+
+SEARCHED: Final = ("gains.gamma_kp", "gains.gamma_ko", "gains.gamma_dp", "gains.gamma_do")
 
 Values = Mapping[str, float]
 """Parameters of the controller by their names."""
@@ -48,9 +50,9 @@ def search_space(scenario: Scenario) -> tuple[Space, Values]:
     values = flatten(params)
     allowed = gain_report(params, refuse=False).used
     space = {"gains.k_s": FloatDistribution(allowed / K_S_RANGE, allowed, log=True)}
-    gamma = values["gains.gamma"]
-    if gamma > 0.0:
-        space["gains.gamma"] = FloatDistribution(gamma / DECADE, gamma * DECADE, log=True)
+    for name in SEARCHED:
+        if (gamma := values[name]) > 0.0:
+            space[name] = FloatDistribution(gamma / DECADE, gamma * DECADE, log=True)
     if params.governor.mode != "off":
         space["governor.margin"] = FloatDistribution(*MARGIN)
     return space, {name: min(values[name], one.high) for name, one in space.items()}

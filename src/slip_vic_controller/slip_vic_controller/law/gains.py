@@ -122,7 +122,8 @@ def fill_gains(params: GainParams, slip_axes: Array, k_s: float, gains: Gains, *
     bounded = params.spin == "bounded"
     turning = 0.0 if bounded else on
     gains.K_D[:], gains.D_D[:], gains.M_D[:] = params.stiffness, params.damping, params.inertia
-    gains.gamma_k[:] = gains.gamma_d[:] = [on * params.gamma] * 3 + [turning * params.gamma] * 3
+    gains.gamma_k[:] = [on * params.gamma_kp] * 3 + [turning * params.gamma_ko] * 3
+    gains.gamma_d[:] = [on * params.gamma_dp] * 3 + [turning * params.gamma_do] * 3
     gains.alpha, gains.k_s, gains.kappa = on * params.alpha, k_s, params.kappa
     gains.characteristic_length = params.characteristic_length if bounded else 1.0
     ratio = (gains.K_D / gains.M_D)[3:][slip_axes[3:] > 0.0]

@@ -37,9 +37,10 @@ class GainParams(ParameterModel):
     inertia: Six = parameter(
         (0.4, 0.4, 0.4, 0.3, 0.3, 0.3), "M_D, x y z then about x y z", unit="kg, kg m2", runtime=True
     )
-    gamma: float = parameter(
-        100.0, "fading of stiffness and damping with slip, axis by axis", unit="s/m, s/rad", runtime=True, ge=0.0
-    )
+    gamma_kp: float = parameter(100.0, "fading of linear stiffness with slip", unit="s/m", runtime=True, ge=0.0)
+    gamma_ko: float = parameter(100.0, "fading of angular stiffness with slip", unit="s/rad", runtime=True, ge=0.0)
+    gamma_dp: float = parameter(100.0, "fading of linear damping with slip", unit="s/m", runtime=True, ge=0.0)
+    gamma_do: float = parameter(100.0, "fading of angular damping with slip", unit="s/rad", runtime=True, ge=0.0)
     alpha: float = parameter(
         100.0, "steepness of the slip activation tanh(alpha |v_s|)", unit="s/m", runtime=True, gt=0.0
     )
