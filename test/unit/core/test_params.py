@@ -48,10 +48,6 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     ({"gravity": (0.0, 0.0)}, ["gravity"]),
     ({"safety.resume_after_s": 1e300}, ["safety.resume_after_s", "less than or equal to"]),
     ({"control_period_s": 1e-9}, ["control_period_s", "greater than or equal to 0.00001"]),
-    (
-        {"slip_estimator": "observer", "slip_sensor.rate_hz": 1e6, "gains.k_s": 100.0},
-        ["slip_sensor.rate_hz", "rows"],
-    ),
 ]
 
 
