@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from slip_vic.options import Choice
-from slip_vic.presets import find_preset
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -51,9 +50,6 @@ def load(
     Raises:
         InputError: an unknown name (the nearest are offered), a bad value, a file that cannot be read.
     """
-    for kind, name in (("scenarios", name_or_file), ("sensors", sensor), ("drives", drive)):
-        if name:
-            find_preset(kind, str(name))
     chosen = Choice(
         str(name_or_file), law, mode, seed, str(sensor), str(drive), estimator, None,
         (set,) if isinstance(set, str) else tuple(set), None if urdf is None else Path(urdf),

@@ -64,7 +64,7 @@ def test_page_is_written(run: slip_vic.Run, tmp_path) -> None:
     page = run.page(tmp_path / "run.html").read_text()
     assert "paper_planar" in page
     assert f"{run.slip_mm:.2f}" in page
-    with pytest.raises(InputError, match="a file that can be written"):
+    with pytest.raises(InputError, match="a folder that can be written"):
         run.page("/proc/run.html")
 
 

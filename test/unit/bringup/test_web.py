@@ -19,7 +19,7 @@ from slip_vic.page import require_page, scripts
 from slip_vic.page.packing import ARRAY, Packer, compressed
 from slip_vic.page.page import make_page, summaries
 from slip_vic.page.plots import plot_series
-from slip_vic.page.runs import drawn, grid, thinned
+from slip_vic.page.runs import drawn, grid
 from slip_vic.page.urdf import links_of
 from slip_vic.run.data import ArmData, Channel, read_data
 from slip_vic.run.metrics import load_ratio, summarise
@@ -111,14 +111,6 @@ def test_load_ratio_is_one_where_friction_gives_way() -> None:
     arm = ArmData("", "", (), parameters, {"wrench": Channel(np.arange(2.0), loads)})
     np.testing.assert_allclose(load_ratio(arm), [1.0, 1.0])
     assert np.isnan(load_ratio(replace(arm, parameters={}))).all()
-
-
-def test_a_thinned_path_keeps_its_ends() -> None:
-    path = np.stack([np.linspace(0.0, 1.0, 5001), np.zeros(5001), np.zeros(5001)], axis=1)
-    some = thinned(path)
-    assert len(some) < 600
-    assert some[0, 0] == 0.0
-    assert some[-1, 0] == 1.0
 
 
 def test_a_run_is_read_on_the_grid() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 from pathlib import Path
@@ -49,8 +50,6 @@ ENGINE = click.option(
     "--engine", type=click.Choice(["pool", "ray"]), default="pool", show_default=True,
     help="pool: processes of this machine; ray: the cluster at RAY_ADDRESS, else one on this machine",
 )  # fmt: skip
-NOT_DRAWN = ("sensors", "mismatches", "seeds", "urdf")
-"""Options that drawn worlds do not take."""
 SHARD = click.option(
     "--shard", "part", default="1/1", callback=shard, metavar="I/N", help="every N-th world from the I-th on"
 )
@@ -107,7 +106,7 @@ def study(
     from slip_vic.experiments.world import combined
     from slip_vic.presets import preset_names
     from slip_vic.scenarios import scenario_names
-    from slip_vic.scenarios.scenario import drive_assignments, urdf_assignment
+    from slip_vic.scenarios.scenario import drive_assignments
 
     if drawn:
         given = click.get_current_context().get_parameter_source
@@ -118,7 +117,8 @@ def study(
         worlds = list(drawn_worlds(drawn, seed, scenarios, "".join(drives[:1]), assignments))
     else:
         chosen = scenarios or tuple(scenario_names(1))
-        settings = (*urdf_assignment(urdf), *assignments)
+        arm = () if urdf is None else (f"robot_description_file={json.dumps(str(urdf))}",)
+        settings = (*arm, *assignments)
         by_drive = {drive: drive_assignments(drive, chosen[0], settings) if drive else () for drive in drives or ("",)}
         worlds = combined(
             chosen, sensors or tuple(preset_names("sensors")), mismatches, range(seeds), by_drive,

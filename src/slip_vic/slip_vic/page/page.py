@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import html
 import json
-import os
 import string
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,13 +12,13 @@ from typing import Any, Final
 
 import pandas as pd
 
-from slip_core.errors import InputError
 from slip_vic.page.packing import Packer, compressed
 from slip_vic.page.plots import describe_plots
 from slip_vic.page.runs import Run, colours, describe, drawn, grid
 from slip_vic.page.scripts import read_static, three, uplot
 from slip_vic.run.data import FACTS, RunData
 from slip_vic.run.metrics import summarise, summary_rows
+from slip_vic.scenarios.parameter_files import write_files
 
 MODULES: Final = (
     "data.js",
@@ -49,25 +47,7 @@ def write_page(
     Raises:
         InputError: a file that cannot be written.
     """
-    write_text(path, make_page(runs, command=command, description=description, ends=ends))
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a file that is whole or not there.
-
-    Raises:
-        InputError: it cannot be written.
-    """
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        temporary.write_text(text, encoding="utf-8")
-        temporary.replace(path)
-    except OSError as error:
-        raise InputError(f"output {path}", got=error, expected="a file that can be written") from None
-    finally:
-        with contextlib.suppress(OSError):
-            temporary.unlink(missing_ok=True)
+    write_files(path.parent, {path.name: make_page(runs, command=command, description=description, ends=ends)})
 
 
 def summaries(runs: Mapping[str, RunData]) -> dict[str, dict[str, Any]]:

@@ -85,7 +85,7 @@ def arm_of(data: ArmData, times: Array, end: str = "") -> Arm:
         values["slip_deg"] = np.degrees(np.linalg.norm(held["slip"][:, 3:], axis=1))
     if "law" in held:
         values |= law_values(data.symbols, held["law"])
-        desired = data.law_six("desired")[:, :3]
+        desired = newest_on_grid(Channel(data.channel("law").times, data.law_six("desired")[:, :3]), times)
         planned = desired[np.isfinite(desired).all(axis=1)]
     if "wrench" in held:
         values["load"] = newest_on_grid(Channel(data.channel("wrench").times, load_ratio(data)), times)
@@ -168,7 +168,7 @@ def describe(run: Run, packer: Packer, colour: int = 1) -> tuple[dict[str, Any],
                 "joints": list(arm.joint_names),
                 "q": packer.add(arm.joints),
                 "slip": packer.add(arm.slip_velocity),
-                "planned": packer.add(thinned(arm.planned)),
+                "planned": packer.add(arm.planned),
                 "modes": [list(change) for change in arm.modes],
             }
         )
@@ -182,12 +182,3 @@ def describe(run: Run, packer: Packer, colour: int = 1) -> tuple[dict[str, Any],
         "object": thing,
         "pad": [PAD_RADIUS, PAD_THICKNESS],
     }, missing
-
-
-def thinned(points: Array) -> Array:
-    """Return a path with its points at least 2 mm apart, first and last kept; (P, 3) [m] -> (Q, 3)."""
-    if len(points) < 2:
-        return points
-    walked = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    keep = np.unique(np.searchsorted(walked, np.arange(0.0, walked[-1], 2e-3)))
-    return points[np.unique(np.append(keep, len(points) - 1))]

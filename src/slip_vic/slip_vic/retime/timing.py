@@ -38,11 +38,6 @@ class Timing:
     rates: Array
     rate_rates: Array
 
-    @property
-    def duration(self) -> float:
-        """Time from start to rest at the end [s]."""
-        return float(self.times[-1])
-
 
 def held_object(params: ControllerParams) -> Array:
     """Return the HELD_OBJECT of the parameters: the object on the axes of the pad, as it was grasped."""

@@ -12,7 +12,11 @@ def scenario_names(arms: int = 0) -> list[str]:
     Args:
         arms: only those with so many arms; 0: all.
     """
-    return [name for name in preset_names("scenarios") if not arms or arms == number_of_arms(scenario_text(name))]
+    return [
+        name
+        for name in preset_names("scenarios")
+        if not arms or arms == len(read_yaml(scenario_text(name)).get("arms") or [name])
+    ]
 
 
 def scenario_text(name_or_path: str) -> str:
@@ -22,8 +26,3 @@ def scenario_text(name_or_path: str) -> str:
         InputError: unknown name (nearest offered), or a file that cannot be read.
     """
     return preset_text("scenarios", name_or_path)
-
-
-def number_of_arms(text: str) -> int:
-    """Return how many arms a scenario has, from its text."""
-    return len(read_yaml(text).get("arms") or [text])

@@ -30,13 +30,12 @@ _PULL = 0.3
 class Way(NamedTuple):
     """What the path of a scenario requires of an arm.
 
-    times (k,) [s]; joints (k, n): positions at the points reached; share: reached part of the time, 1 = all;
+    joints (k, n): positions at the points reached; share: reached part of the time, 1 = all;
     blocked: why it ends there, empty where it does not; margin (n,) [rad, m]: least distance to a limit;
     sigma: least singular value of the Jacobian; speed (n,): largest share of the velocity limit; load (n,): largest
     share of the effort limit that arm and object at rest take.
     """
 
-    times: Array
     joints: Array
     share: float
     blocked: str
@@ -95,7 +94,6 @@ def follow(robot: Robot, start: Array, times: Array, path: Array, payload: Array
     way = np.array(joints).reshape(-1, len(start))
     steps = np.diff(way, axis=0) / np.diff(times[: max(len(way), 1)])[:, None]
     return Way(
-        times[: len(way)],
         way,
         1.0 if not blocked else len(way) / len(path),
         blocked,

@@ -537,11 +537,6 @@ def _assign(values: dict[str, NodeValues], mismatch: dict[str, Any], key: str, v
             values[arm][owner] |= {name: value}
 
 
-def urdf_assignment(urdf: Path | None) -> tuple[str, ...]:
-    """Return the ``--set`` assignment that ``--urdf`` stands for; none without a file."""
-    return () if urdf is None else (f"robot_description_file={json.dumps(str(urdf))}",)
-
-
 def ros_parameter_file(params: ParameterModel, node_name: str, *, complete: bool = True) -> str:
     """Return the ROS parameter file of one node, valid in any namespace.
 

@@ -39,8 +39,6 @@ def arm(
     out: Path | None,
 ) -> None:
     """Make a folder that runs from an arm's URDF or xacro file: arm.urdf, scenarios, parameters for the real arm."""
-    from rich.console import Console
-
     from slip_core.files.urdf_file import read_urdf
     from slip_vic.setup.arm.write import Arm, way_table, write_arm
 
@@ -58,7 +56,7 @@ def arm(
     for scenario in names(scenarios):
         name = Path(scenario).stem
         tasks[name], start, said = made.task(scenario, scale)
-        Console().print(way_table(made, name, start))
+        click.echo(way_table(made, name, start))
         for line in said:
             click.echo(line)
     folder = out or Path(urdf.name.partition(".")[0])
@@ -131,14 +129,12 @@ def identify(bag: Path, ee_frame: str, out: Path | None) -> None:
     The bag needs joint states with efforts and the arm's URDF; a wrench is taken off where there is one. Each joint has
     to move both ways, slowly: docs/drives.md.
     """
-    from rich.console import Console
-
     from slip_vic.scenarios.parameter_files import write_files
+    from slip_vic.setup.identify import COLUMNS, preset, read_motion
     from slip_vic.setup.identify import identify as found_in
-    from slip_vic.setup.identify import preset, read_motion, table
 
     numbers = found_in(*read_motion(bag, ee_frame))
-    Console().print(table(numbers))
+    click.echo(numbers.rename(columns=COLUMNS).to_string(float_format="{:.3g}".format, na_rep="-"))
     if out is not None:
         write_files(out.parent, {out.name: preset(numbers, f"slip-vic identify {bag}")})
         click.echo(str(out))

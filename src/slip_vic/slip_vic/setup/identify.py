@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import yaml
-from rich.table import Table
 
 from slip_bags.reader import Bag
 from slip_core.arrays import Array
@@ -110,17 +109,6 @@ def identify(motion: Motion, robot: Robot) -> pd.DataFrame:
         solved = np.linalg.lstsq(A, y, rcond=None)[0]
         found.loc[name, [*columns, "residual"]] = [*solved, np.sqrt(np.mean((y - A @ solved) ** 2))]
     return found
-
-
-def table(numbers: pd.DataFrame) -> Table:
-    """Return the numbers for a terminal."""
-    made = Table(box=None, header_style="bold", pad_edge=False)
-    made.add_column("joint", no_wrap=True)
-    for heading in COLUMNS.values():
-        made.add_column(heading, justify="right")
-    for name, row in numbers.iterrows():
-        made.add_row(str(name), *("-" if np.isnan(value) else f"{value:.3g}" for value in row))
-    return made
 
 
 def preset(numbers: pd.DataFrame, source: str) -> str:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import yaml
-from rich.table import Table
 
 from slip_core.arrays import Array
 from slip_core.errors import InputError
@@ -77,7 +76,12 @@ class Arm:
         stays = locked or {}
         self.hand: Hand = find_hand(root, link, approach, normal, tuple(stays))
         self.urdf, said = arm_urdf(root, self.hand, reach, stays)
-        self.said = [*self.hand.said, *said, *reach_advice(reach)]
+        self.said = [*self.hand.said, *said]
+        if not math.isfinite(reach) or abs(reach) > LONGEST_REACH_M:
+            raise InputError("--reach", got=f"{reach:g}", expected=f"metres, within {LONGEST_REACH_M:g}")
+        if reach == 0.0:
+            at = "the pad centre is at that link's origin: the object sits in the flange"
+            self.said.append(f"{at} (--reach METRES moves it out)")
         self.robot = Robot(self.urdf, PAD, self.hand.joints)
 
     def task(self, base: str, scale: float) -> tuple[dict[str, Any], Start, list[str]]:
@@ -179,19 +183,6 @@ def failing(start: Start | None, robot: Robot, params: ControllerParams) -> str:
     return ""
 
 
-def reach_advice(reach: float) -> list[str]:
-    """Return what to say of a reach [m] from the hand's link to the pad centre.
-
-    Raises:
-        InputError: one that is no length of a hand.
-    """
-    if not math.isfinite(reach) or abs(reach) > LONGEST_REACH_M:
-        raise InputError("--reach", got=f"{reach:g}", expected=f"metres, within {LONGEST_REACH_M:g}")
-    if reach == 0.0:
-        return ["the pad centre is at that link's origin: the object sits in the flange (--reach METRES moves it out)"]
-    return []
-
-
 def write_arm(arm: Arm, tasks: dict[str, dict[str, Any]], folder: Path, source: Path, drive: str = "") -> list[Path]:
     """Write the arm, its scenarios and the parameter files for the real one; return their paths.
 
@@ -233,16 +224,13 @@ def real_parameters(scenario: Scenario) -> ControllerNodeParams:
     )
 
 
-def way_table(arm: Arm, name: str, start: Start) -> Table:
+def way_table(arm: Arm, name: str, start: Start) -> str:
     """Return the table of one start: a row per joint."""
     way, robot = start.way, arm.robot
-    table = Table(title=f"{name}: start, and the path from it (singular value {way.sigma:.2f})")
-    columns = ("joint", "start", "lower", "upper", "to a limit", "speed [%]", "effort [%]")
-    for column in columns:
-        table.add_column(column, justify="left" if column == "joint" else "right")
-    rows: Sequence[Array] = (start.posture, robot.position_lower, robot.position_upper, way.margin)
-    for j, joint in enumerate(robot.joint_names):
-        shares = (100.0 * way.speed[j], 100.0 * way.load[j])
-        numbers = ("none" if abs(row[j]) > 0.5 * NO_LIMIT else f"{row[j]:.3g}" for row in rows)
-        table.add_row(joint, *numbers, *(f"{share:.0f}" for share in shares))
-    return table
+    columns = {
+        "start": start.posture, "lower": robot.position_lower, "upper": robot.position_upper, "to a limit": way.margin,
+        "speed [%]": 100.0 * way.speed, "effort [%]": 100.0 * way.load,
+    }  # fmt: skip
+    shown = pd.DataFrame(columns, index=robot.joint_names).map(lambda x: np.nan if abs(x) > 0.5 * NO_LIMIT else x)
+    text = shown.to_string(float_format="{:.3g}".format, na_rep="none")
+    return f"{name}: start, and the path from it (singular value {way.sigma:.2f})\n{text}"
