@@ -10,6 +10,7 @@ from pathlib import Path
 import psutil
 import pytest
 
+from slip_msgs_py.stop_flag import held_back
 from slip_vic.run.processes import child_environment
 from test.support.ros import wait_until
 
@@ -161,6 +162,14 @@ def test_a_run_ends_without_taking_down_the_interpreter_and_in_time_where_a_libr
         process.send_signal(signal.SIGTERM)
         output, errors = process.communicate(timeout=DEADLINE_S)
     assert (process.returncode, output, errors) == (2, "", "error: interrupted\n")
+
+
+def test_a_process_started_inside_never_hears_ctrl_c() -> None:
+    with held_back():
+        process = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
+    process.send_signal(signal.SIGINT)
+    process.communicate(b"line\n", timeout=60)
+    assert process.returncode == 0
 
 
 def test_ctrl_c_while_workers_start_is_one_line(tmp_path: Path) -> None:

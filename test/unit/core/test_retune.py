@@ -12,7 +12,6 @@ from slip_core.errors import InputError
 from slip_core.params import build
 from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_vic_controller.params.controller_params import ControllerParams
-from slip_vic_controller.safety.latency import DECAY_S
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.session.cycle_result import CycleResult
 from test.support.one_arm import OneArm, one_arm
@@ -81,28 +80,6 @@ def test_gains_that_were_changed_before_the_law_begins_are_ramped_to() -> None:
     assert stiffness[0] == 5.0
     assert stiffness[-1] == 20.0
     assert all(b >= a for a, b in itertools.pairwise(stiffness))
-
-
-def test_k_s_gives_way_to_measured_delays() -> None:
-    session = new_session()
-    for k in range(60):
-        result = step(session, k, slip_age=10)
-    latency = session.state.law.slip_latency
-    assert (latency.latency_ns, latency.period_ns) == (10 * MS, MS)
-    assert 70.0 < float(result.record.gains.gains.k_s) < 80.0  # half of 2 cos(10 pi / 21) / T = 149.5
-
-
-def test_a_sample_that_is_late_once_is_forgotten_slowly() -> None:
-    session = new_session()
-    for k in range(20):
-        step(session, k)
-    latency = session.state.law.slip_latency
-    step(session, 21, slip_age=0)
-    assert latency.period_ns == 2 * MS, "the longest time between two samples"
-    for k in range(22, 22 + round(5.0 * DECAY_S * 1e9 / MS)):
-        step(session, k)
-    assert latency.latency_ns == 0.0
-    assert latency.period_ns < 1.01 * MS
 
 
 def test_hold_uses_mass_inertia_and_contact_position_of_a_live_change() -> None:

@@ -7,7 +7,8 @@ from slip_core.records import new, record
 from slip_core.vectors import mat, spatial, vec
 from slip_vic_controller.governor.guard import guard_factor
 from slip_vic_controller.governor.load import ALONE, Held, Shared, at_contact, load, size
-from slip_vic_controller.law.contact import CONTACT, SLIP, contact_arm, pad_rotation
+from slip_vic_controller.law.arm import POSE
+from slip_vic_controller.law.contact import CONTACT, contact_arm, pad_rotation
 from test.referees.governor_paths import skew
 
 SEED, CASES = 5, 60
@@ -41,7 +42,7 @@ def test_load_is_rigid_body_wrench() -> None:
         w, gravity, a = rng.normal(size=3), rng.normal(size=3) * 9, rng.normal(size=6)
         R = R_o @ R_c @ R_s
         r = R_o @ (position + R_c @ slip)
-        contact, pad = record(new(CONTACT), CONTACT), record(new(SLIP), SLIP)
+        contact, pad = record(new(CONTACT), CONTACT), record(new(POSE), POSE)
         contact.rotation[:], pad.position[:], pad.rotation[:] = R_c, slip, R_s
         turned = pad_rotation(contact, pad)
         inertia, arm = turned.T() @ (mat(J) @ turned), contact_arm(turned, vec(position), contact, pad)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import ctypes
 import os
 import signal
-import subprocess
 import sys
 import time
 from collections.abc import Callable
@@ -72,14 +71,6 @@ def test_signals_wait_for_the_end_of_the_block(number: signal.Signals) -> None:
         held()
     assert steps == ["to the end"]
     assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
-
-
-def test_a_process_started_inside_never_hears_ctrl_c() -> None:
-    with held_back():
-        process = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
-    process.send_signal(signal.SIGINT)
-    process.communicate(b"line\n", timeout=60)
-    assert process.returncode == 0
 
 
 def test_what_else_a_callback_loses_is_reported(reported: list[object]) -> None:
