@@ -23,8 +23,9 @@ from slip_vic_controller.sizes import MAX_JOINTS
 LEAD: Final = 0.5
 """Most by which the commanded velocity may be ahead of the joint's, so that an arm that cannot follow is not thrown
 when it can again [rad/s]."""
-STOP_SHARE: Final = 0.5
-"""Share of the acceleration limit with which a command brakes ahead of the end of a joint's range."""
+SHARE: Final = 0.5
+"""Share of the acceleration limit with which a command brakes ahead of the end of a joint's range, and by which it may
+change in a cycle: what limit avoidance switches on and off must not shake the arm."""
 BEFORE_END: Final = 1e-3
 """How far before that end it comes to rest: periods make the brake late by less [rad]."""
 
@@ -55,6 +56,7 @@ class MotionCommand(Record):
     started: Whole
     position: Annotated[Array, MAX_JOINTS]  # rad
     velocity: Annotated[Array, MAX_JOINTS]  # rad/s
+    acceleration: Annotated[Array, MAX_JOINTS]  # rad/s^2
     ignored_s: Annotated[Array, MAX_JOINTS]  # s; for how long a joint has not moved so
 
 
@@ -72,7 +74,7 @@ def start_motion(config: CommandConfig, state: MotionCommand, q: Array, qd: Arra
     """Begin at the joint state; (n,) [rad], [rad/s]. A velocity beyond the limit begins at the limit."""
     for j in range(config.joints):
         most = config.velocity[j]
-        state.position[j] = within_range(config, j, q[j])
+        state.position[j], state.acceleration[j] = within_range(config, j, q[j]), 0.0
         state.velocity[j] = min(max(qd[j], -most), most)
         state.ignored_s[j] = 0.0
     state.started = 1
@@ -136,16 +138,18 @@ def advance_motion(
         return finite
     for j in range(config.joints):
         v, most = state.velocity[j], config.acceleration[j]
-        wanted, brake = qdd[j] if finite else -v / T, STOP_SHARE * most
+        change = brake = SHARE * most
+        wanted, before = qdd[j] if finite else -v / T, state.acceleration[j]
         ahead = state.position[j] + v * T  # what is decided now acts from there on
         up = min(config.velocity[j], stopping_speed(config.upper[j] - BEFORE_END - ahead, brake))
         down = min(config.velocity[j], stopping_speed(ahead - BEFORE_END - config.lower[j], brake))
         up, down = min(up, max(qd[j] + LEAD, 0.0)), min(down, max(LEAD - qd[j], 0.0))
+        new = min(max(wanted, before - change), before + change) if finite else wanted  # at once to rest
         # The acceleration limit counts last: a jump of the others is no reason to jump.
-        new = min(max(min(max(wanted, (-down - v) / T), (up - v) / T), -most), most)
+        new = min(max(min(max(new, (-down - v) / T), (up - v) / T), -most), most)
         limited[j] = 1 if new != wanted else 0
         state.position[j] = within_range(config, j, state.position[j] + (v + 0.5 * new * T) * T)
-        state.velocity[j] = v + new * T
+        state.velocity[j], state.acceleration[j] = v + new * T, new
     return finite
 
 
@@ -183,4 +187,4 @@ def stop_motion(config: CommandConfig, state: MotionCommand, dt: float, limited:
     advance_motion(config, state, nowhere, before, dt, limited)
     for j in range(config.joints):
         if abs(before[j]) <= config.acceleration[j] * dt:  # to the last bit
-            state.velocity[j] = 0.0
+            state.velocity[j] = state.acceleration[j] = 0.0
