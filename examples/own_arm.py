@@ -15,9 +15,9 @@ file = Path(sys.argv[1]) if len(sys.argv) > 1 else None
 folder = Path(sys.argv[2] if len(sys.argv) > 2 else "out/examples/arm")
 
 arm = Arm(file.read_text(encoding="utf-8")) if file else Arm(urdf_text(), link="ee", approach="x", normal="z")
-for line in arm.said:
+task, start, assumed = arm.task("paper_planar", 0.5)
+for line in (*arm.said, *assumed):
     print(line)
-task, start = arm.task("paper_planar", 0.5)
 print(f"start: {start.posture.round(2)}, at least {start.way.margin.min():.2f} rad away from every limit on the way")
 for path in write_arm(arm, {"paper_planar": task}, folder, file or Path("arm.urdf")):
     print(path)

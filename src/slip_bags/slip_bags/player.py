@@ -19,7 +19,7 @@ from slip_core.errors import InputError, printable
 from slip_msgs_py.qos import message_class, profile
 
 DEPTH: Final = 1000
-MATCH_LIMIT_S: Final = 2.0
+MATCH_LIMIT_S: Final = 5.0
 _SLICE_S: Final = 0.02  # longest sleep: a signal ends the wait after it
 _ACKNOWLEDGE_S: Final = 1
 

@@ -44,7 +44,7 @@ def wanted() -> bool:
     return os.environ.get(EVENTS_VARIABLE) == "1"
 
 
-def emit(kind: Kind, **values: Any) -> None:
+def emit(kind: Kind, /, **values: Any) -> None:
     """Tell the parent, where one listens."""
     if wanted():
         print(json.dumps({"event": kind, **values}), flush=True)
