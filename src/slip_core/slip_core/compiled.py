@@ -87,11 +87,10 @@ def _folder(package: Path) -> Path:
     for text in _sources(package):
         digest.update(text)
     folder = user_cache() / f"{package.name}-{digest.hexdigest()[:16]}"
-    try:
-        folder.mkdir(mode=0o700, parents=True)
+    if not folder.exists():
         print(f"compiling {package.name} for this machine, once: about a minute", file=sys.stderr, flush=True)
-    except FileExistsError:
-        check_private(folder, os.geteuid())
+    make_folder(folder)
+    check_private(folder, os.geteuid())
     return folder
 
 
@@ -152,6 +151,19 @@ def _package(path: Path) -> Path:
     return folder
 
 
+def make_folder(folder: Path) -> None:
+    """Make a folder of the user's cache, for this user alone, where it is not there.
+
+    Raises:
+        InputError: it cannot be made.
+    """
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    except OSError as error:
+        expected, fix = "a folder that can be made", "set XDG_CACHE_HOME to one of yours"
+        raise InputError(f"cache {folder}", got=error, expected=expected, fix=fix) from None
+
+
 def user_cache() -> Path:
-    """Return the folder of this user's caches of the suite."""
+    """Return the folder of this user's caches of the suite; see `make_folder`."""
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "slip_vic"

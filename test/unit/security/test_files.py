@@ -22,7 +22,7 @@ from slip_bags.mcap_file import DamagedError, chunk_records
 from slip_bags.reader import Bag
 from slip_core import compiled
 from slip_core.compiled import check_private
-from slip_core.errors import InputError
+from slip_core.errors import InputError, ProtocolError
 from slip_core.files.link_tree import read_links
 from slip_core.files.plain_yaml import DEEPEST, parse_json, read_yaml
 from slip_core.files.urdf import DEEPEST as DEEPEST_URDF
@@ -305,6 +305,20 @@ def test_the_compiler_looks_at_the_folder_before_it_loads(monkeypatch: pytest.Mo
     folder.chmod(0o777)
     with pytest.raises(InputError, match="machine code"):
         compiled._folder.__wrapped__(package)
+
+
+def test_a_cache_that_cannot_be_written_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    (tmp_path / "locks" / "slip_vic" / "domains" / "5").mkdir(parents=True)
+    (tmp_path / "__init__.py").touch()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+    with pytest.raises(InputError, match=r"Not a directory, .*set XDG_CACHE_HOME"), domain_id():
+        pass
+    with pytest.raises(InputError, match=r"Not a directory, .*set XDG_CACHE_HOME"):
+        compiled._folder.__wrapped__(tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "locks"))
+    with pytest.raises(ProtocolError, match="Is a directory; set XDG_CACHE_HOME"), domain_id(5):
+        pass
 
 
 def test_a_domain_that_was_asked_for_is_locked_and_may_be_shared(

@@ -11,6 +11,7 @@ import itertools
 import os
 from collections.abc import Iterator
 from pathlib import Path
+from typing import IO
 
 from slip_core.errors import InputError, ProtocolError
 
@@ -24,13 +25,13 @@ def domain_id(wanted: int | None = None) -> Iterator[int]:
     """Hold a domain id: the wanted one, whoever else holds it, or one that no other run of this suite holds.
 
     Raises:
-        ProtocolError: where all ids are taken.
+        InputError: where the folder of the locks cannot be made.
+        ProtocolError: where all ids are taken, or locks cannot be written.
     """
     count, turn = LAST - FIRST + 1, next(_turns)
     free = [FIRST + (turn + offset) % count for offset in range(count)]
-    _folder().mkdir(parents=True, exist_ok=True)
     for candidate in free if wanted is None else [wanted]:
-        with (_folder() / str(candidate)).open("a") as lock:
+        with _lock_file(candidate) as lock:
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
@@ -40,6 +41,23 @@ def domain_id(wanted: int | None = None) -> Iterator[int]:
             yield candidate
             return
     raise ProtocolError(f"all ROS domain ids from {FIRST} to {LAST} are in use by other runs; give --domain-id")
+
+
+def _lock_file(domain: int) -> IO[str]:
+    """Open the file whose lock is held by the run in a domain.
+
+    Raises:
+        InputError: its folder cannot be made.
+        ProtocolError: it cannot be written.
+    """
+    from slip_core.compiled import make_folder  # numba takes a second to load
+
+    path = _folder() / str(domain)
+    make_folder(path.parent)
+    try:
+        return path.open("a")
+    except OSError as error:
+        raise ProtocolError(f"lock {path}: {error.strerror}; set XDG_CACHE_HOME to a folder of yours") from None
 
 
 def domains_in_use() -> list[int]:

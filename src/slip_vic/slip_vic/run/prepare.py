@@ -29,10 +29,13 @@ def prepare() -> None:
     What was compiled is noted beside the user's other caches, so that workers that come later do not wait for each
     other. The note names the folder of the machine code, and counts for nothing where that is gone.
     """
-    from slip_core.compiled import user_cache  # numba takes a second to load: only where something compiles
+    from slip_core.compiled import (  # numba takes a second to load: only where something compiles
+        make_folder,
+        user_cache,
+    )
 
     cache = user_cache()
-    cache.mkdir(parents=True, exist_ok=True)
+    make_folder(cache)
     note = cache / f"compiled-{digest([repr((sorted(versions().items()), _processor())).encode()])}"
     with ending_at_once(InputError.exit_code, "error: interrupted"):  # no handler of Python runs inside the compiler
         with note.with_suffix(".lock").open("w") as lock:
