@@ -26,7 +26,7 @@ from slip_vic_controller.interfaces import fill_wrench_sensor
 from slip_vic_controller.law.bounds import DRIVE_SHARE
 from slip_vic_controller.law.config import LAW_CONFIG, make_law_config
 from slip_vic_controller.law.contact import fill_contacts
-from slip_vic_controller.law.gains import LAW_GAINS, UNKNOWN_LAG, gain_report, make_law_gains
+from slip_vic_controller.law.gains import LAW_GAINS, UNKNOWN_LAG, gain_report
 from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.path.paths import PATH, make_path
 from slip_vic_controller.safety.conditions import Reason
@@ -50,7 +50,7 @@ LEAST_SHARE, TRUST = 0.02, 0.5
 PATH_LENGTH_M, PATH_FLOOR_M_S = 0.1, 0.05
 """Time-optimal: length that makes turning a way, and the speed at which the path continues where it turns back."""
 UNTOLD_S = 0.003
-"""By which efforts may be later than told, for the bound on kappa [s]: with 2 ms two arms swing at kappa 0.8."""
+"""By which efforts may be later than configured, for the bound on kappa [s]: with 2 ms two arms swing at kappa 0.8."""
 SHARED_RESERVE = 0.3
 """Share of what the weight, and `governor.reserve`, leave that the path of several arms does not use: one pad may bear
 less than the others, the arms press on each other, and a camera sees what slips too late."""
@@ -90,8 +90,7 @@ def make_config(params: ControllerParams, robot: Robot, *, lockstep: bool, arms:
     if params.trajectory.of == "object":
         o_R_p = matrix_from_quat_xyzw(params.contacts.orientation_xyzw[:4])
         config.path.carries, config.path.lever[:] = 1, product(o_R_p.T, np.array(params.contacts.position[:3]))
-    gains = make_law_gains(params, gain_report(params).used)
-    _copy(config, "gains", gains, config.gains.dtype)
+    _copy(config, "gains", gain_report(params).gains, LAW_GAINS)
     config.hold.carriers = max(arms, params.contacts.count)
     for part in (config.command, config.hold, config.tare):
         part.joints = len(robot.joint_names)
@@ -115,7 +114,7 @@ def renew_config(config: ControllerConfig, params: ControllerParams) -> None:
     """Take changed parameters into a CONFIG: what HOLD holds, and with which stiffness. Gains and payload of the law
     ramp, see `Ramp`; a change in HOLD is bounded by the effort limiter."""
     fill_contacts(params.contacts, config.law.contact)
-    config.gains = make_law_gains(params, gain_report(params).used).view(LAW_GAINS)[0]
+    config.gains = gain_report(params).gains.view(LAW_GAINS)[0]
     _fill_hold(config.hold, params)
 
 

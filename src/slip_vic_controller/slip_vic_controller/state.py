@@ -51,7 +51,7 @@ class CycleConfig(Record):
     drive_lag_s: Real  # from a command to the motion that it asks for
     slip_ahead_s: Real  # s; by which the object's part of the law's slip velocity is predicted, 0 = none of it is
     kappa_share: Real  # of that bound, which the drives leave
-    kappa_late_s: Real  # s; by which efforts may be later than told
+    kappa_late_s: Real  # s; by which efforts may be later than configured
     slip_delay_ns: Whole  # by which the stamps of slip samples are too late
     gate_shut: Whole  # whether the law takes the object as held
     leaves_gravity: Whole  # whether the arm carries its own weight

@@ -35,7 +35,7 @@ class Table:
     def __init__(self) -> None:
         self.config = record(new(CONFIG), CONFIG).conditions
         self.rows = record(new(ARM_STATE), ARM_STATE).conditions
-        call(forget_conditions, self.rows)
+        forget_conditions(self.rows)
 
     def see(self, why: Why, so: bool, now_ns: int) -> None:
         call(see, self.rows, why, so, now_ns)

@@ -81,7 +81,7 @@ class Judge:
         self.task = record(self.buffer[:TASK_SIZE], TASK_STATE)
         self.state = record(self.buffer[TASK_SIZE:][:ARM_SIZE], ARM_STATE)
         self.limits = record(self.config, CONFIG).conditions
-        call(forget_conditions, self.state.conditions)
+        forget_conditions(self.state.conditions)
         self.state.tare.done = 1
         self.names = self.controller.first.robot.joint_names
 
@@ -99,7 +99,7 @@ class Judge:
         s, m, rows = self.state, memory, self.state.conditions
         s.now_ns, s.mode.mode = m.now_ns, m.mode
         self.task.path.scale = m.path_scale
-        call(forget_conditions, rows)
+        forget_conditions(rows)
         times = dict.fromkeys(SLIP, m.slip_unknown_ns) | {
             Reason.TOO_FAST: m.too_fast_ns, Reason.SATURATED: m.saturated_ns,
             Reason.STOPPING: m.stopping_ns, Reason.WRENCH_SLOWS: m.wrench_bad_ns,

@@ -87,7 +87,7 @@ class Tare(Record):
     bound: Real  # kg: the configured mass
 
 
-TARE_CONFIG, MEAN, TARE = dtype_of(TareConfig), dtype_of(Mean), dtype_of(Tare)
+TARE_CONFIG, TARE = dtype_of(TareConfig), dtype_of(Tare)
 
 
 @part

@@ -110,9 +110,9 @@ def correct_within(x: Axis, band: float, R: float) -> None:
     at_low = math.exp(-0.5 * low * low) * _INVERSE_SQRT_TWO_PI
     at_high = math.exp(-0.5 * high * high) * _INVERSE_SQRT_TWO_PI
     shift = (at_low - at_high) / inside
-    told = shift * shift - (low * at_low - high * at_high) / inside  # 1 - variance over S; a plain measurement tells 1
-    if told > 0.0:
-        correct(x, x.v + shift * deviation / told, S / told - x.P_vv)
+    gain = shift * shift - (low * at_low - high * at_high) / inside  # 1 - variance over S; 1 of a plain measurement
+    if gain > 0.0:
+        correct(x, x.v + shift * deviation / gain, S / gain - x.P_vv)
 
 
 @part

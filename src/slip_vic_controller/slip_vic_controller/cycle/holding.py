@@ -30,14 +30,14 @@ from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs, C
 
 @part
 def give_nothing(config: ControllerConfig, state: ArmState, inputs: CycleInputs) -> None:
-    """Give no command: drives hold the arm by themselves, or let it move; HOLD begins anew with where it is then."""
+    """Give no command: drives hold the arm by themselves, or let it move; HOLD begins again where it is then."""
     state.now_ns, state.hold.known = inputs.now_ns, 0
     stay_blind(config.estimator, state.estimate)
 
 
 @part
 def wait(config: ControllerConfig, state: ArmState, inputs: CycleInputs, why: Why) -> None:
-    """Wait for what is missing, without a command; all begins anew after it."""
+    """Wait for what is missing, without a command; everything begins again after it."""
     next_mode(config.modes, state.mode, why, inputs.request, inputs.now_ns)
     give_nothing(config, state, inputs)
     state.law.known, state.estimate.started, state.tare.watched = 0, 0, 0
@@ -51,7 +51,7 @@ def hold_unseen(
 ) -> None:
     """Hold where neither a joint state nor the model tells where the arm is: efforts go to gravity compensation there.
 
-    They go on from the last command, however old: nothing else tells what the joints feel.
+    They continue from the last command, however old: nothing else tells what the joints feel.
     """
     silent = of_fault(Reason.JOINT_STATE.value, outputs.health.joint)
     next_mode(config.modes, state.mode, silent, inputs.request, inputs.now_ns)

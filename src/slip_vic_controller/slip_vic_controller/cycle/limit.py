@@ -89,7 +89,7 @@ def finish(
 
 @part
 def is_effort(config: ControllerConfig) -> bool:
-    """Return whether drives take efforts, and not velocities or positions."""
+    """Return whether drives are commanded by effort, not by velocity or position."""
     return bool(config.command.interface == Interface.EFFORT)
 
 
@@ -129,7 +129,7 @@ def _oppose_disturbance(
 def _move(config: ControllerConfig, state: ArmState, inputs: CycleInputs, h: Array, dt: float) -> None:
     """Let the commanded motion be what the effort makes of the last one; without the law it comes to rest.
 
-    A pause counts no longer than in the effort limiter, and not at all where the command begins anew: drives that have
+    A pause counts no longer than in the effort limiter, and not at all where the command begins again: drives that have
     come to rest at the last command meanwhile would take what it is worth in one period. dt: time that the command
     moves on [s].
     """
@@ -159,7 +159,7 @@ def _put_acceleration(config: ControllerConfig, state: ArmState, inputs: CycleIn
 def _remember_input(config: ControllerConfig, state: ArmState, inputs: CycleInputs, h: Array) -> None:
     """Keep what the joints are known to do: the acceleration by the effort, or the velocity that drives follow.
 
-    Without a good joint state the effort goes on as it was, and so does the acceleration.
+    Without a good joint state the effort stays as it was, and so does the acceleration.
     """
     u = state.estimate.inputs[state.estimate.newest].copy()
     if is_effort(config):

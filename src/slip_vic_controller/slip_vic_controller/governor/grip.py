@@ -36,12 +36,6 @@ class Grip(Record):
 
 
 @part
-def start_grip(config: GripConfig, grip: Grip) -> None:
-    """Begin with the configured grip."""
-    grip.command = grip.actual = config.nominal_force
-
-
-@part
 def load_ahead(grid: PathGrid, time: float, preview_s: float) -> float:
     """Return the largest load of the path as it is planned, from a time of it on [N].
 

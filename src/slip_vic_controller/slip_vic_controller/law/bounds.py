@@ -39,12 +39,13 @@ class Condition(NamedTuple):
 
 
 class GainReport(NamedTuple):
-    """Verdict on the gains: k_s as requested, as used and largest accepted [1/s]; conditions."""
+    """Verdict on the gains: k_s as requested, as used and largest accepted [1/s]; conditions; LAW_GAINS that result."""
 
     asked: float
     used: float
     accepted: float
     conditions: tuple[Condition, ...]
+    gains: Array
 
     @property
     def hold(self) -> bool:

@@ -136,8 +136,8 @@ def gain_report(params: ControllerParams, *, refuse: bool = True) -> GainReport:
     An observer takes those of the sensor out, and the prediction of the slip those of the drives, as far as known.
 
     Raises:
-        InputError: where `refuse`, damping or a k_s for which a proposition has no lambda, or a stiffness that the
-            delays do not admit.
+        InputError: an inertia that no body can have; where `refuse`, damping or a k_s for which a proposition has no
+            lambda, or a stiffness that the delays do not admit.
     """
     direct, unknown = params.slip_estimator == "measured", UNKNOWN_LAG if params.foresees_slip else 1.0
     real = params.estimates_joints and params.bounded_authority
@@ -145,18 +145,16 @@ def gain_report(params: ControllerParams, *, refuse: bool = True) -> GainReport:
     sensor_period_s, latency_s = (params.slip_sensor.period_s, params.slip_sensor.latency_s) if direct else (0.0, 0.0)
     accepted = slip_gain_limit(params.control_period_s, sensor_period_s, latency_s + lag_s) / params.gains.k_s_margin
     used = min(params.gains.k_s, accepted)
-    propositions, stiff = judge_gains(np.array(params.gains.damping), used), judge_impedance(params)
+    made = make_law_gains(params, used)
+    propositions = judge_gains(np.array(params.gains.damping), used)
+    stiff = judge_impedance(params, record(made, LAW_GAINS).gains)
     if refuse:
         check(stiff if params.controller == "classical" else (*propositions, *stiff))  # it has no slip loop
-    return GainReport(params.gains.k_s, used, accepted, (*propositions, *stiff))
+    return GainReport(params.gains.k_s, used, accepted, (*propositions, *stiff), made)
 
 
-def judge_impedance(params: ControllerParams) -> tuple[Condition, ...]:
+def judge_impedance(params: ControllerParams, gains: Gains) -> tuple[Condition, ...]:
     """Judge the stiffness in effect, with a period and the delay that the prediction of the joints leaves."""
-    buffer = new(GAINS)
-    gains: Gains = record(buffer, GAINS)
-    fill_gains(params.gains, np.ones(6), params.gains.k_s, gains, classical=True)
-    slow_down(gains, params.fastest_rate)
     sensor = params.joint_sensor
     known_s = params.drive_lag_s + sensor.latency_s + sensor.filter_s
     late_s = max(UNKNOWN_LAG * known_s, LEAST_DELAY_S) if params.estimates_joints else 0.0

@@ -39,7 +39,7 @@ class CycleTiming:
         self._periods, self._computes, self._latencies = Window(size), Window(size), Window(size)
         self._began_ns: int | None = None
         self._last_stamp_ns: int | None = None
-        self.overruns = self.missed = self.stale_wrench = self.stale_slip = self._told = 0
+        self.overruns = self.missed = self.stale_wrench = self.stale_slip = self._reported = 0
 
     def add(self, began_ns: int, ended_ns: int, wall_ns: int, ledger: Sequence[int]) -> tuple[float, ...]:
         """Take one answered cycle and return its numbers in the order of `SCALARS`.
@@ -80,8 +80,8 @@ class CycleTiming:
 
     def status(self) -> tuple[int, str, dict[str, object]]:
         """Return level, text and values of the last second for /diagnostics; overruns and misses are a warning."""
-        late = self.overruns + self.missed - self._told
-        self._told += late
+        late = self.overruns + self.missed - self._reported
+        self._reported += late
         values: dict[str, object] = {}
         for name, window in (("period", self._periods), ("compute", self._computes), ("latency", self._latencies)):
             for key, value in spread(window.values()).items():

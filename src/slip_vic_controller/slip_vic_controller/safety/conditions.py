@@ -311,11 +311,10 @@ def see(rows: Records[Condition], why: Why, so: bool, now_ns: int) -> None:
     put_why(row.why, why)
 
 
-@part
 def forget_conditions(rows: Records[Condition]) -> None:
     """Begin: nothing is so."""
-    for k in range(REASONS):
-        rows[k].since_ns = NEVER
+    for row in rows:
+        row.since_ns = NEVER
 
 
 @part

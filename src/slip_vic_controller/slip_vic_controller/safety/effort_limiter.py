@@ -63,7 +63,7 @@ def start_limiter(
 
 @part
 def go_on(limits: EffortLimits, state: EffortLimiter, now_ns: int) -> None:
-    """Let the next command go on from the last one, however old: nothing else tells what the joints feel by now."""
+    """Let the next command continue from the last one, however old: nothing else tells what the joints feel by now."""
     if state.started != 0:
         state.now_ns = max(state.now_ns, now_ns - limits.longest_step_ns)
 

@@ -20,7 +20,7 @@ SLOWEST = 0.45
 LOAD_LEVER = 0.1
 """How far off the pad centre the unknown part of a load may pull: no pad is longer [m]."""
 LEAST_LOAD = 5.0
-"""What one arm carries at least, where the wrench shows it: a mass that is told too small [N]."""
+"""What one arm carries at least, where the wrench shows it: a mass that is configured too small [N]."""
 LOAD_S = 0.05
 """Time constant with which HOLD takes from the wrench the load that the model does not explain [s]."""
 ELSEWHERE = 0.01

@@ -9,7 +9,7 @@ import numpy as np
 from slip_core.arrays import Array
 from slip_core.cholesky import cholesky, forward_substitute
 from slip_core.compiled import part
-from slip_core.records import Real, Record, dtype_of
+from slip_core.records import Real, Record
 from slip_vic_controller.safety.effort_limiter import EffortLimits
 from slip_vic_controller.sizes import MAX_JOINTS, Joints
 
@@ -30,9 +30,6 @@ class MotionLimits(Record):
     speed_linear: Real  # m/s; of the pad
     speed_angular: Real  # rad/s; of the pad
     drive: EffortLimits  # what the effort limiter lets pass
-
-
-MOTION_LIMITS = dtype_of(MotionLimits)
 
 
 @part

@@ -65,9 +65,6 @@ class SlipQueue(Record):
     samples: Annotated[Records[StampedSlip], MAX_FRESH]
 
 
-SLIP_QUEUE = dtype_of(SlipQueue)
-
-
 class JointLimits(Record):
     """Limits of the joint state: what is absurd, late or frozen."""
 
@@ -346,16 +343,16 @@ def receive_joints(
     if fault != Reason.NONE:
         state.counts[fault] += 1
     if usable(fault):
-        goes_on, speed = follows and fault != Reason.RESTARTED, np.abs(qd).max()
+        continues, speed = follows and fault != Reason.RESTARTED, np.abs(qd).max()
         # Joints that are read in steps read the same again and again.
         steps = limits.still > 0.0 and speed <= limits.still
         if not follows or steps or not (_same(q, last.position[:n]) and _same(qd, last.velocity[:n])):
             state.equal_since_ns = now_ns
-        if state.without != 0 and goes_on:
+        if state.without != 0 and continues:
             derive_velocities(limits, state, stamp_ns, q, qd)
         elif state.without != 0:
             qd[:] = 0.0
-        if not goes_on or not _same(q, last.position[:n]):
+        if not continues or not _same(q, last.position[:n]):
             state.stands_since_ns = stamp_ns
         state.moves = 1 if speed > ARM_MOVES else 0
         _copy_sample(last, stamp_ns, q, qd, effort)
@@ -365,7 +362,7 @@ def receive_joints(
 
 @part
 def take_replaced(state: JointInput, stamp_ns: int, q: Array, qd: Array, now_ns: int) -> None:
-    """Let the joint states go on with one that could not be used: what comes next follows where the model has the arm.
+    """Let the joint states continue with one that could not be used: the next one follows where the model has the arm.
 
     Args:
         state: of the joint state's input; changed.

@@ -15,9 +15,9 @@ from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.config import make_config
 from slip_vic_controller.contact.config import capacity
 from slip_vic_controller.contact.layouts import ROW_SIZE
-from slip_vic_controller.law.gains import RAMP, gain_report, make_law_gains, steady
+from slip_vic_controller.law.gains import RAMP, gain_report, steady
 from slip_vic_controller.params.controller_params import ControllerParams
-from slip_vic_controller.safety.conditions import Reason
+from slip_vic_controller.safety.conditions import Reason, forget_conditions
 from slip_vic_controller.sizes import NEVER
 from slip_vic_controller.state import ARM_SIZE, ARM_STATE, CONFIG, OUTPUTS, TASK_SIZE, TASK_STATE, ArmState
 
@@ -41,9 +41,8 @@ class ArmController:
         self.params, self.lockstep = params, lockstep
         armature = params.drive.of_joints("armature", len(params.joint_names))
         self.robot = Robot(urdf_text, params.ee_frame, params.joint_names, params.gravity, armature)
-        self.report = gain_report(params)
         self.config = make_config(params, self.robot, lockstep=lockstep, arms=arms)
-        self.gains = make_law_gains(params, self.report.used)
+        self.gains = gain_report(params).gains
         self.contacts = params.contacts.count
         self.make_command = partial(JointCommand, interface=params.command.interface)
         self.command_place = slice(_COMMAND.start, _COMMAND.start + len(params.joint_names))
@@ -89,8 +88,7 @@ class Controller:
         for row, arm in zip(rows, self.arms.values(), strict=True):
             row.mode.enabled, row.mode.good_since_ns = record(arm.config, CONFIG).modes.auto_enable, NEVER
             row.mode.reason.reason = Reason.NO_INPUT_YET
-            for condition in row.conditions:
-                condition.since_ns = NEVER
+            forget_conditions(row.conditions)
             for slip in row.law.slips:
                 slip.rotation[:] = np.eye(3)
             row.sliding_ns = -1  # what slides in the very first sample is believed

@@ -19,7 +19,7 @@ from slip_core.records import record, records
 from slip_core.types import CartesianReference, PoseGoal
 from slip_vic_controller.config import governed_stream
 from slip_vic_controller.cycle.cycle import cycle
-from slip_vic_controller.law.gains import gain_report, make_law_gains
+from slip_vic_controller.law.gains import gain_report
 from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.path.stream import QUEUED
 from slip_vic_controller.safety.modes import Request
@@ -198,7 +198,7 @@ class ControllerSession:
                         f"parameter {name}", got=value, expected=f"{now[name]!r} while the law runs",
                         fix="restart the node",
                     )  # fmt: skip
-            targets.append(make_law_gains(wanted, gain_report(wanted).used))
+            targets.append(gain_report(wanted).gains)
         for arm, wanted, target in zip(self.arms, params, targets, strict=True):
             arm.ramp_to(wanted, target)
 
