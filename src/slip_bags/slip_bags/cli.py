@@ -64,7 +64,7 @@ def record(
     namespace: str,
 ) -> None:
     """Record topics until Ctrl-C; QoS follows the publishers, topics may appear late."""
-    from slip_bags.recording.recorder import record as run_recorder
+    from slip_bags.recorder import record as run_recorder
     from slip_bags.ros_node import ros_node
     from slip_msgs_py.stop_flag import StopFlag
 

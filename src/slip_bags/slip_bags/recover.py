@@ -54,7 +54,7 @@ def recover(source: Path, output: Path) -> str:
                             continue
                         topic, text = channels[record.channel_id]
                         writer = writer or BagWriter(output, attachments=attachments)
-                        if not writer.has_topic(topic.name):
+                        if topic.name not in writer.counts:
                             writer.add_topic(topic, text)
                         writer.write(topic.name, record.log_time, record.publish_time, record.sequence, record.data)
         if writer is None:

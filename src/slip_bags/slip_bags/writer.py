@@ -72,10 +72,6 @@ class BagWriter:
                 self._writer.add_attachment(0, 0, name, "application/octet-stream", data)
             self._writer.flush()
 
-    def has_topic(self, name: str) -> bool:
-        """Return whether the topic was added."""
-        return name in self._topics
-
     def add_topic(self, topic: TopicInfo, schema_text: str) -> None:
         """Add a topic; its QoS and hash are the same in the channel and in ``metadata.yaml``."""
         with self._reporting():

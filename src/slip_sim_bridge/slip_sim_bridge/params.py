@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Literal, Self
+from typing import Annotated, Literal, Self
 
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from slip_core.device_params import SLIP_INPUT, GripperModel, SlipInput
-from slip_core.grasp_params import ArmParams, BaseParams, ContactParams, ObjectParams, Six, Three
+from slip_core.grasp_params import ArmParams, BaseParams, ContactParams, ObjectParams, Six
 from slip_core.params import ParameterModel, parameter
 from slip_sim_bridge.drives.params import DriveParams
 from slip_sim_bridge.friction.params import FrictionParams
 from slip_sim_bridge.sensors.params import SensorsParams
 
 _CLOCK_TICKS_PER_S = 1_000_000_000
+
+Positive = Annotated[float, Field(gt=0.0)]
 
 WORLD = (
     "plant", "substeps", "gravity", "control_period_s", "object", "duration_s", "mode", "expected_subscribers",
@@ -31,17 +33,11 @@ class GripParams(GripperModel):
         runtime=True,
         ge=0.0,
     )
-    pad_size: tuple[float, float] = parameter(
+    pad_size: tuple[Positive, Positive] = parameter(
         (0.2, 0.2),
         "size of the pad along its x and y: an object whose gripped point has slid over the edge is lost, and falls",
         unit="m",
     )
-
-    @model_validator(mode="after")
-    def _has_area(self) -> Self:
-        if min(self.pad_size) <= 0.0:
-            raise ValueError(f"pad_size {list(self.pad_size)}: 2 positive numbers")
-        return self
 
 
 class HoldParams(ParameterModel):
@@ -73,35 +69,22 @@ class PushParams(ParameterModel):
 class PadParams(ParameterModel):
     """Elasticity of a gripper's pads, from the gripper to the surface that touches the object; plant elastic only."""
 
-    stiffness: Six = parameter(
+    stiffness: tuple[Positive, Positive, Positive, Positive, Positive, Positive] = parameter(
         (1.0e4, 1.0e4, 1.0e4, 5.0, 5.0, 2.25), "along x y z of the pad, then about them", unit="N/m, N m/rad"
     )
-    damping: Six = parameter(
+    damping: tuple[Positive, Positive, Positive, Positive, Positive, Positive] = parameter(
         (30.0, 30.0, 30.0, 0.05, 0.05, 0.02), "along x y z of the pad, then about them", unit="N s/m, N m s/rad"
     )
-
-    @model_validator(mode="after")
-    def _positive(self) -> Self:
-        for name in ("stiffness", "damping"):
-            if min(getattr(self, name)) <= 0.0:
-                raise ValueError(f"pad.{name} {list(getattr(self, name))}: every value must be positive")
-        return self
 
 
 class DisplayParams(ParameterModel):
     """How the object is drawn; nothing here changes a result."""
 
-    object_size: Three = parameter(
+    object_size: tuple[Positive, Positive, Positive] = parameter(
         (0.18, 0.14, 0.014),
         "edges of the box about the centre of mass, on the object's axes, that stands for the object in every picture",
         unit="m",
     )
-
-    @model_validator(mode="after")
-    def _positive(self) -> Self:
-        if min(self.object_size) <= 0.0:
-            raise ValueError(f"object_size is {list(self.object_size)}; every edge must be longer than 0")
-        return self
 
 
 class BridgeParams(ArmParams):

@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 from geometry_msgs.msg import WrenchStamped
 
+from slip_bags.raw_subscription import Arrival, RawSubscription
 from slip_bags.reader import Bag
-from slip_bags.recording.raw_subscription import Arrival, RawSubscription
 from slip_msgs_py.qos import profile
 from test.support.bag_maker import PERIOD_NS, make_bag
 from test.support.ros import DEADLINE_S, Processes, wait_until

@@ -14,9 +14,9 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosbags.highlevel import AnyReader
 from std_msgs.msg import String
 
+from slip_bags import recorder
 from slip_bags.format import QosProfile
 from slip_bags.reader import Bag
-from slip_bags.recording import recorder
 from slip_bags.recover import recover
 from slip_bags.ros_node import ros_node as ros_context
 from slip_bags.writer import BagWriter, StorageError

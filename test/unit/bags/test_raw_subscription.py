@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 from std_msgs.msg import String
 
-from slip_bags.recording.raw_subscription import RawSubscription
+from slip_bags.raw_subscription import RawSubscription
 from slip_msgs_py.qos import profile
 
 

@@ -12,7 +12,7 @@ from numpy.random import Generator
 
 from slip_core.arrays import Array, readonly
 from slip_core.types import SlipSample
-from slip_sim_bridge.sensors.params import CHIPS, SlipFaultParams, SlipSensorParams
+from slip_sim_bridge.sensors.params import CHIPS, SlipSensorParams
 
 _INVALID = readonly(np.full(6, math.nan))
 _STILL = readonly(np.zeros(3))
@@ -41,24 +41,15 @@ class SlipMeasurement:
         self.faults = params.faults
         self._last: Array | None = None
 
-    @property
-    def faults(self) -> SlipFaultParams:
-        """The faults that are switched on."""
-        return self._faults
-
-    @faults.setter
-    def faults(self, faults: SlipFaultParams) -> None:
-        self._faults = faults
-        lossy = faults.silent or faults.invalid or faults.frozen or faults.dropout_probability > 0.0
-        self._keeps_all = not lossy and faults.outlier_probability == 0.0
-
     def __call__(self, truth: SlipSample, rng: Generator) -> SlipSample | None:
         """Return the measured sample, or None where it is lost; noise is drawn from `rng`."""
         noise = rng.standard_normal(6) if self._noisy else None
-        if self._keeps_all:
+        faults = self.faults
+        lossy = faults.silent or faults.invalid or faults.frozen or faults.dropout_probability > 0.0
+        if not lossy and faults.outlier_probability == 0.0:
             twist = self._read(truth.twist, noise)
         else:
-            faults, chances, odd = self._faults, self._rng.random(2), self._rng.standard_normal(6)
+            chances, odd = self._rng.random(2), self._rng.standard_normal(6)
             if faults.silent or chances[0] < faults.dropout_probability:
                 return None
             if faults.invalid:
@@ -72,7 +63,7 @@ class SlipMeasurement:
         return truth if twist is truth.twist else SlipSample(truth.stamp_ns, twist, truth.valid)
 
     def _read(self, truth: Array, noise: Array | None) -> Array:
-        faults, twist = self._faults, truth
+        faults, twist = self.faults, truth
         if faults.lifted_chips:
             twist = lifted_chip_reading(twist, faults.lifted_chips)
         if faults.gain != 1.0:

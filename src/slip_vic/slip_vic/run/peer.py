@@ -10,7 +10,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 
-from slip_bags.recording.raw_subscription import RawSubscription
+from slip_bags.raw_subscription import RawSubscription
 from slip_core.topics import TOPICS
 from slip_msgs_py.qos import message_class
 

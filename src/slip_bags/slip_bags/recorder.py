@@ -22,8 +22,7 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.type_hash import TypeHash
 
 from slip_bags.format import QosProfile, TopicInfo
-from slip_bags.recording.loss_counter import LossCounter
-from slip_bags.recording.raw_subscription import Arrival, RawSubscription
+from slip_bags.raw_subscription import Arrival, RawSubscription
 from slip_bags.typedefs import find_definition
 from slip_bags.writer import BagWriter, StorageError
 from slip_core.errors import InputError
@@ -36,6 +35,29 @@ DISCOVERY_S: Final = 0.1  # between two discoveries, once every requested topic 
 FLUSH_S: Final = 1.0
 MIN_FREE_BYTES: Final = 64 << 20
 _LAST_S: Final = 0.1  # for what is still on its way at the end
+
+
+@dataclass(slots=True)
+class LossCounter:
+    """Count the messages that were published and not received: exact while one publisher sends at a time.
+
+    A publisher numbers its messages 1, 2, 3 ..., and they are taken in the order of sending. They do not name their
+    publisher, so with two at once nothing can be said and `lost` is None. What the first publisher sent before the
+    first received message is not lost.
+    """
+
+    received: int = 0
+    lost: int | None = 0
+    _last: int = 0
+
+    def add(self, sequence: int) -> None:
+        """Count one received message; number 0 is of a middleware that does not number."""
+        self.received += 1
+        if sequence == 0:
+            self.lost = None
+        elif self._last and sequence > self._last and self.lost is not None:
+            self.lost += sequence - self._last - 1
+        self._last = sequence  # a lower number is of the next publisher, again from 1
 
 
 @dataclass(slots=True)
@@ -130,7 +152,8 @@ class Recorder:
             if self._node.count_publishers(name) != topic.publishers:
                 infos = self._node.get_publishers_info_by_topic(name)
                 topic.publishers = len(infos)
-                topic.loss.see_publishers(len(infos))
+                if len(infos) > 1:
+                    topic.loss.lost = None
                 if any(now < before for now, before in zip(_common(infos), topic.offered, strict=True)):
                     self._warn_once(f"topic {name}: a publisher that offers a weaker QoS than the first is not heard")
 
