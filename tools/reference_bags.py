@@ -21,7 +21,7 @@ from slip_vic.replay.verify import verify_run
 from slip_vic.run.data import read_data
 from slip_vic.run.launcher import Launcher
 from slip_vic.run.metrics import summarise
-from slip_vic.scenarios.scenario import Estimator, Law, Scenario, load_scenario
+from slip_vic.scenarios.scenario import Law, Scenario, load_scenario
 
 SEED: Final = 0
 COMMAND: Final = "python tools/reference_bags.py"
@@ -41,18 +41,16 @@ class Reference:
     assignments: tuple[str, ...] = ()
     sensor: str = ""
     drive: str = ""
-    estimator: Estimator | None = None
 
     def load(self) -> Scenario:
         """Return the scenario as it is run."""
         return load_scenario(
-            self.scenario, law=self.law, seed=SEED, assignments=self.assignments, sensor=self.sensor, drive=self.drive,
-            estimator=self.estimator,
-        )  # fmt: skip
+            self.scenario, law=self.law, seed=SEED, assignments=self.assignments, sensor=self.sensor, drive=self.drive
+        )
 
     def command(self) -> str:
         """Return what a user types for the same run."""
-        given = {"sensor": self.sensor, "drive": self.drive, "estimator": self.estimator or ""}
+        given = {"sensor": self.sensor, "drive": self.drive}
         words = [f"slip-vic run --scenario {self.scenario} --law {self.law} --seed {SEED}"]
         words += [f"--{option} {value}" for option, value in given.items() if value]
         words += [f"--set {assignment}" for assignment in self.assignments]
@@ -81,10 +79,10 @@ REFERENCES: Final = (
         "vic_bad_sensor", "paper_planar", "vic",
         "Position interface, and a slip sensor that loses nine of ten samples and has outliers: HOLD, and back.",
         (
-            _lasting(0.6), "bridge.sensors.slip.faults.dropout_probability=0.9",
+            "controller.slip_estimator=observer", _lasting(0.6), "bridge.sensors.slip.faults.dropout_probability=0.9",
             "bridge.sensors.slip.faults.outlier_probability=0.1",
         ),
-        drive="position_250", estimator="observer",
+        drive="position_250",
     ),
     Reference(
         "two_arms_governed", "pane_two_arms_flat", "governed", "Two arms with velocity interfaces.",

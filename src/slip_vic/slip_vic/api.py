@@ -6,12 +6,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from slip_vic.options import Choice
-
 if TYPE_CHECKING:
     import pandas as pd
 
-    from slip_vic.scenarios.scenario import Estimator, Law, Mode, Scenario
+    from slip_vic.scenarios.scenario import Law, Mode, Scenario
 
 
 def load(
@@ -20,12 +18,11 @@ def load(
     law: Law = "governed",
     sensor: str | Path = "",
     drive: str | Path = "",
-    estimator: Estimator | None = None,
     seed: int = 0,
     mode: Mode = "lockstep",
     set: Sequence[str] = (),
     urdf: str | Path | None = None,
-    parameters: Mapping[str, Any] | None = None,
+    parameters: Mapping[str, Any] | Path | None = None,
 ) -> Scenario:
     """Return a scenario, ready to run.
 
@@ -39,22 +36,22 @@ def load(
         law: classical, vic or governed.
         sensor: slip sensor, see `preset_names("sensors")`, or a YAML file; empty: the scenario's own.
         drive: the arm's drives and encoders, see `preset_names("drives")`, or a YAML file; empty: ideal.
-        estimator: of the slip: measured or observer; None: what suits the sensor.
         seed: of the sensors' noise.
         mode: lockstep, or realtime for nodes.
         set: overrides as on the command line, e.g. "controller.gains.k_s=500", "bridge.grip.force=0.6",
             "object.mass=0.6".
         urdf: another arm.
-        parameters: of the controller by dotted name, e.g. of a file of `slip-vic tune`.
+        parameters: of the controller: by dotted name, or a parameter file, e.g. of `slip-vic tune`.
 
     Raises:
         InputError: an unknown name (the nearest are offered), a bad value, a file that cannot be read.
     """
-    chosen = Choice(
-        str(name_or_file), law, mode, seed, str(sensor), str(drive), estimator, None,
-        (set,) if isinstance(set, str) else tuple(set), None if urdf is None else Path(urdf),
+    from slip_vic.scenarios.scenario import load_scenario
+
+    return load_scenario(
+        str(name_or_file), law=law, mode=mode, seed=seed, sensor=str(sensor), drive=str(drive),
+        assignments=(set,) if isinstance(set, str) else set, urdf=urdf, parameters=parameters,
     )  # fmt: skip
-    return chosen.load(parameters=parameters or {})
 
 
 def read_bag(path: str | Path, topic: str | None = None) -> pd.DataFrame:

@@ -19,7 +19,7 @@ from slip_core.errors import InputError
 from slip_msgs_py.stop_flag import ending
 from slip_vic import __version__
 from slip_vic.experiments.cli import benchmark, check, merge, study, tune
-from slip_vic.options import ALLOW_FAULT, DOMAIN_ID, IN_PROCESS, SCENARIOS, Choice, choosing, end_with, out_option
+from slip_vic.options import DOMAIN_ID, IN_PROCESS, SCENARIOS, Choice, choosing, end_with, out_option
 from slip_vic.page import require_page
 from slip_vic.page.cli import report, watch
 from slip_vic.replay.cli import verify
@@ -43,9 +43,7 @@ def cli() -> None:
 
 
 @cli.command()
-@choosing(
-    "scenario", "law", "mode", "seed", "sensor", "drive", "estimator", "params", "assignments", "urdf"
-)  # fmt: skip
+@choosing("scenario", "law", "mode", "seed", "sensor", "drive", "parameters", "assignments", "urdf")
 @click.option("--record", type=click.Path(path_type=Path), help="record a bag into this new folder")
 @click.option("--namespace", default="", help="ROS namespace of all nodes")
 @DOMAIN_ID
@@ -54,7 +52,6 @@ def cli() -> None:
 @click.option("--lock-memory", is_flag=True, help="keep their memory in RAM, where permitted")
 @IN_PROCESS
 @click.option("--page", type=click.Path(path_type=Path), help="write the page of the run")
-@ALLOW_FAULT
 def run(
     *,
     choice: Choice,
@@ -66,7 +63,6 @@ def run(
     lock_memory: bool,
     in_process: bool,
     page: Path | None,
-    allow_fault: bool,
 ) -> None:
     """Run one scenario: bridge, controller and recorder as processes on DDS; --in-process needs no ROS.
 
@@ -76,21 +72,23 @@ def run(
     """
     if page is not None:
         require_page()
-    loaded, law = choice.load(), choice.law
+    from slip_vic.scenarios.scenario import load_scenario
+
+    loaded = load_scenario(**choice)
 
     from rich.console import Console
 
     if in_process:
-        if choice.mode == "realtime" or record is not None:
+        if choice["mode"] == "realtime" or record is not None:
             given = "--record" if record is not None else "--mode realtime"
             raise InputError("--in-process", got=given, expected="lockstep without DDS: there is nothing to record")
-        with Console(stderr=True).status(f"{loaded.name} {law}"):
+        with Console(stderr=True).status(f"{loaded.name} {loaded.law}"):
             done = loaded.run()
         for line in summary_lines(done.verdict, done.modes):
             click.echo(line)
         if page is not None:
             click.echo(f"page: {done.page(page)}")
-        end_with([] if done.outcome == "ok" else [done.reason], allow_fault)
+        end_with([] if done.outcome == "ok" else [done.reason])
         return
     if page is not None and record is None and loaded.duration_s > LONGEST_JUDGED_S:
         raise InputError(
@@ -113,7 +111,7 @@ def run(
         )  # fmt: skip
         with run_progress(Console(stderr=True)) as add_bar:
             result = launcher.run(
-                add_bar(f"{loaded.name} {law}", loaded.duration_s),
+                add_bar(f"{loaded.name} {loaded.law}", loaded.duration_s),
                 lambda domain: click.echo(f"ROS domain {domain}; slip-vic watch shows the run"),
             )
         for line in result_lines(result, loaded):
@@ -127,11 +125,11 @@ def run(
             from slip_vic.run.data import read_data
 
             assert result.bag is not None
-            write_page(page, {law: read_data(result.bag)}, command="slip-vic run")
+            write_page(page, {loaded.law: read_data(result.bag)}, command="slip-vic run")
             click.echo(f"page: {page}")
         elif record is not None:
             click.echo(f"page: slip-vic report {record} -o report.html")
-    end_with(map(str, result.incidents), allow_fault)
+    end_with(map(str, result.incidents))
 
 
 def result_lines(result: RunResult, scenario: Scenario) -> Iterator[str]:
@@ -173,27 +171,24 @@ def summary_lines(verdict: Verdict, modes: Mapping[str, Sequence[tuple[float, st
 
 
 @cli.command()
-@choosing("scenario", "seed", "sensor", "drive", "params", "assignments", "urdf")
+@choosing("scenario", "seed", "sensor", "drive", "parameters", "assignments", "urdf")
 @out_option("out", "output folder")
 @IN_PROCESS
 @DOMAIN_ID
-@ALLOW_FAULT
-def demo(*, choice: Choice, out: Path, in_process: bool, domain_id: int | None, allow_fault: bool) -> None:
+def demo(*, choice: Choice, out: Path, in_process: bool, domain_id: int | None) -> None:
     """Compare classical, variable and governed impedance on one scenario: table, report.html, summary.json, bags."""
     from slip_msgs_py.environment import check_ros
 
     require_page()
     if not in_process:
         check_ros()
-    choice.load()  # a typo ends here
-
     from rich.console import Console
 
     from slip_vic.run.demo import run_demo
 
     summary = run_demo(choice, out, Console(stderr=True), domain_id, in_process=in_process)
     lines = (f"{kind}: {incident}" for kind, run in summary["runs"].items() for incident in run["incidents"])
-    end_with(lines, allow_fault)
+    end_with(lines)
 
 
 @cli.command()

@@ -7,61 +7,18 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import click
 
 from slip_core.files.resources import add_package
 from slip_vic.presets import find_preset
 
-if TYPE_CHECKING:
-    from slip_vic.scenarios.scenario import Estimator, Law, Mode, Scenario
-
 ALL_LAWS: Final = ("classical", "vic", "governed", "printed")
+Choice = dict[str, Any]
+"""The scenario that a command line chooses: arguments of `load_scenario`."""
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
-
-
-@dataclass(frozen=True, slots=True)
-class Choice:
-    """A scenario as a command line chooses it; `slip_vic.load` says what each part is. params: a parameter file."""
-
-    scenario: str
-    law: Law = "governed"
-    mode: Mode = "lockstep"
-    seed: int = 0
-    sensor: str = ""
-    drive: str = ""
-    estimator: Estimator | None = None
-    params: Path | None = None
-    assignments: tuple[str, ...] = ()
-    urdf: Path | None = None
-
-    def load(self, *more: str, parameters: Mapping[str, Any] | None = None) -> Scenario:
-        """Return the scenario.
-
-        Args:
-            more: further assignments.
-            parameters: of the controller, instead of those of the file.
-
-        Raises:
-            InputError: unknown scenario, sensor, drive or parameter; an unreadable file.
-        """
-        from slip_vic.scenarios.scenario import load_scenario, read_parameters
-
-        return load_scenario(
-            self.scenario,
-            law=self.law,
-            mode=self.mode,
-            seed=self.seed,
-            sensor=self.sensor,
-            drive=self.drive,
-            estimator=self.estimator,
-            assignments=(*self.assignments, *more),
-            urdf_file=self.urdf,
-            parameters=read_parameters(self.params) if parameters is None else parameters,
-        )
 
 
 def names(text: str) -> tuple[str, ...]:
@@ -147,11 +104,11 @@ _OF_CHOICE: Final[Mapping[str, Decorator]] = {
     ),
     "sensor": SENSOR,
     "drive": DRIVE,
-    "estimator": click.option(
-        "--estimator", type=click.Choice(["measured", "observer"]), help="slip: default what suits the sensor"
-    ),
-    "params": click.option(
-        "--params", type=click.Path(path_type=Path), help="parameter file of the controller, e.g. of bringup or tune"
+    "parameters": click.option(
+        "--params",
+        "parameters",
+        type=click.Path(path_type=Path),
+        help="parameter file of the controller, e.g. of bringup or tune",
     ),
     "assignments": ASSIGNMENTS,
     "urdf": URDF,
@@ -159,12 +116,12 @@ _OF_CHOICE: Final[Mapping[str, Decorator]] = {
 
 
 def choosing(*parts: str) -> Decorator:
-    """Add the options of these fields of `Choice`; the command gets them as one argument, `choice`."""
+    """Add the options of these parts of a `Choice`; the command gets them as one argument, `choice`."""
 
     def add(command: Callable[..., Any]) -> Callable[..., Any]:
         @functools.wraps(command)
         def with_choice(**given: Any) -> Any:
-            return command(choice=Choice(**{part: given.pop(part) for part in parts}), **given)
+            return command(choice={part: given.pop(part) for part in parts}, **given)
 
         found: Callable[..., Any] = with_choice
         for part in reversed(parts):
@@ -178,15 +135,12 @@ IN_PROCESS: Final = click.option(
     "--in-process", is_flag=True, help="bridge and controller in this process, without DDS: seconds, and no ROS"
 )
 DOMAIN_ID: Final = click.option("--domain-id", type=int, help="ROS domain id; default ROS_DOMAIN_ID, else a free one")
-ALLOW_FAULT: Final = click.option(
-    "--allow-fault", is_flag=True, help="exit with 0 although a run ended in FAULT or lost the object: an experiment"
-)
 
 
-def end_with(incidents: Iterable[str], allowed: bool) -> None:
-    """Report what went wrong, a line each, and end with exit code 1 where anything did and that is not wanted."""
+def end_with(incidents: Iterable[str]) -> None:
+    """Report what went wrong, a line each, and end with exit code 1 where anything did."""
     lines = list(incidents)
     for line in lines:
         click.echo(line, err=True)
-    if lines and not allowed:
+    if lines:
         raise click.exceptions.Exit(1)

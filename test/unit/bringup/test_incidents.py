@@ -73,7 +73,7 @@ def test_a_path_that_waits_for_the_arm_is_unreachable_only_when_it_waits_long() 
     assert seen((0.0, *waits), (1.0, Mode.ACTIVE, 0), (late, *waits), (1.9 * late, *waits)) == []
 
 
-def test_run_says_it_and_ends_with_1_unless_it_is_an_experiment(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_run_says_it_and_ends_with_1(monkeypatch: pytest.MonkeyPatch) -> None:
     class Launcher:
         def __init__(self, *_: Any, **__: Any) -> None: ...
 
@@ -82,7 +82,6 @@ def test_run_says_it_and_ends_with_1_unless_it_is_an_experiment(monkeypatch: pyt
             return RunResult(1, 1.0, 1.0, None, 0, 0, {}, {}, (), (lost,))
 
     monkeypatch.setattr("slip_vic.run.launcher.Launcher", Launcher)
-    for words, code in ((["run"], 1), (["run", "--allow-fault"], 0)):
-        done = CliRunner().invoke(cli, words)
-        assert done.exit_code == code, done.output
-        assert "LOST at 1.250 s: the object is lost: the grip is zero\n" in done.output
+    done = CliRunner().invoke(cli, ["run"])
+    assert done.exit_code == 1, done.output
+    assert "LOST at 1.250 s: the object is lost: the grip is zero\n" in done.output

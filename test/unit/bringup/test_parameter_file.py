@@ -8,7 +8,6 @@ import pytest
 
 from slip_core.errors import InputError
 from slip_core.params import flatten
-from slip_vic.options import Choice
 from slip_vic.run.demo import all_laws
 from slip_vic.scenarios.parameter_files import check_writable
 from slip_vic.scenarios.scenario import load_scenario, read_parameters, ros_parameter_file
@@ -52,7 +51,7 @@ def test_it_replaces_what_the_scenario_file_tells_of_the_sensor(file: Path, tmp_
 def test_the_controllers_of_a_demo_stay_what_they_are(file: Path) -> None:
     governed = ", controller: vic, governor.mode: slow_down, gains.spin: bounded, mode: realtime"
     file.write_text(MEASURED.replace(", mode: realtime", governed))
-    found, plain = all_laws(Choice("paper_planar", params=file)), all_laws(Choice("paper_planar"))
+    found, plain = (all_laws({"scenario": "paper_planar", "parameters": given}) for given in (file, None))
     for kind, scenario in found.items():
         measured = {"slip_sensor.rate_hz": 30.0, "governor.friction_limit": 0.2}
         assert flatten(scenario.controller) == flatten(plain[kind].controller) | measured, kind

@@ -111,5 +111,5 @@ def test_commands_take_xacro(
     assert "joint1, joint2" in capsys.readouterr().err
     whole = tmp_path / "arm.xacro"
     whole.write_text(f'{HEAD}<xacro:include filename="$(find slip_description)/urdf/arm.urdf"/></robot>')
-    made = load_scenario("paper_planar", urdf_file=whole)
+    made = load_scenario("paper_planar", urdf=whole)
     assert set(named(parse_urdf(made.urdf), "joint")) == set(named(parse_urdf(urdf_text()), "joint"))

@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 from slip_vic.cli import cli
-from slip_vic.options import Choice
+from slip_vic.scenarios.scenario import load_scenario
 
 
 def check(*words: str) -> tuple[int, str]:
@@ -34,10 +34,9 @@ def test_it_says_holds_only_of_what_it_has_run() -> None:
     assert "holds in 2 of 2 simulated worlds" in words
 
 
-def test_the_sensor_and_the_estimator_are_those_that_run() -> None:
-    loaded = Choice("paper_planar", sensor="vision_25", estimator="measured").load()
+def test_the_sensor_is_known_to_both_sides() -> None:
+    loaded = load_scenario("paper_planar", law="governed", sensor="vision_25")
     assert loaded.bridge.sensors.slip.rate_hz == loaded.controller.slip_sensor.rate_hz == 25.0
-    assert loaded.controller.slip_estimator == "measured"
     assert loaded.controller.governor.mode == "slow_down"
 
 
@@ -58,7 +57,7 @@ def test_an_unknown_mismatch_is_a_mistake() -> None:
 
 
 def test_the_bound_on_k_s_and_the_exit_code() -> None:
-    arguments = ["check", "--sensor", "optical_flow_120", "--estimator", "measured"]
+    arguments = ["check", "--sensor", "optical_flow_120", "--set", "controller.slip_estimator=measured"]
     refused = CliRunner().invoke(cli, [*arguments, "--set", "controller.gains.k_s=0.5"])
     assert refused.exit_code == 2
     assert "fails" in refused.output

@@ -8,7 +8,7 @@ from slip_vic.experiments.rows import Row, row_of
 from slip_vic.experiments.run import Controlled, Result, play
 from slip_vic.experiments.world import NO_MISMATCH, World, mismatch_assignments
 from slip_vic.options import Choice
-from slip_vic.scenarios.scenario import Scenario
+from slip_vic.scenarios.scenario import Scenario, load_scenario
 from slip_vic_controller.law.bounds import GainReport
 from slip_vic_controller.law.gains import gain_report
 
@@ -31,12 +31,13 @@ def run_worlds(choice: Choice, mismatches: Sequence[str], report: Callable[[str]
 
     Where the path is refused already there is nothing more to run.
     """
-    known = choice.load()
+    known = load_scenario(**choice)
     settings = {name: mismatch_assignments(name, known) for name in (NO_MISMATCH, *mismatches)}
     for number, (name, own) in enumerate(settings.items()):
         report(name)
-        world = World(choice.scenario, choice.sensor, choice.seed, number=number, mismatch=name)
-        row = row_of(Result(world, choice.law, *play(Controlled(choice.load(*own)))))
+        world = World(choice["scenario"], choice["sensor"], number=number, mismatch=name)
+        wrong = load_scenario(**choice | {"assignments": (*choice["assignments"], *own)})
+        row = row_of(Result(world, choice["law"], *play(Controlled(wrong))))
         yield row
         if row["outcome"] == "refused":
             return

@@ -13,7 +13,6 @@ from click.core import ParameterSource
 
 from slip_core.errors import require_extra
 from slip_vic.options import (
-    ALLOW_FAULT,
     ASSIGNMENTS,
     DRIVES,
     LAWS_OPTION,
@@ -89,11 +88,10 @@ def mismatches_option(default: str) -> Decorator:
     help="draw so many random worlds instead, with drives, joints and sensors with all troubles at once",
 )  # fmt: skip
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="of the lottery")
-@ALLOW_FAULT
 def study(
     *, scenarios: tuple[str, ...], sensors: tuple[str, ...], laws: tuple[str, ...], mismatches: tuple[str, ...],
     seeds: int, out: Path, jobs: int, engine: EngineName, part: slice,
-    drives: tuple[str, ...], assignments: tuple[str, ...], urdf: Path | None, drawn: int, seed: int, allow_fault: bool,
+    drives: tuple[str, ...], assignments: tuple[str, ...], urdf: Path | None, drawn: int, seed: int,
 ) -> None:  # fmt: skip
     """Run scenario x drive x sensor x mismatch under laws over seeds: table, rows.csv, rows.png.
 
@@ -128,7 +126,7 @@ def study(
             world.load("classical").check()
     done = run_study(tasks_of(worlds[part], laws), out, engine, jobs)
     _report(done, out)
-    end_with(bad_ones(done.rows), allow_fault)
+    end_with(bad_ones(done.rows))
 
 
 def _report(done: Done, out: Path) -> None:
@@ -149,7 +147,7 @@ def merge(folders: tuple[Path, ...], out: Path) -> None:
 
 
 @click.command()
-@choosing("scenario", "params", "sensor", "drive", "estimator", "law", "assignments", "urdf")
+@choosing("scenario", "parameters", "sensor", "drive", "law", "assignments", "urdf")
 @mismatches_option("all")
 def check(*, choice: Choice, mismatches: tuple[str, ...]) -> None:
     """Check what will hold before anything moves: gains, arm, path, and worlds that differ from the configured one.
@@ -161,8 +159,9 @@ def check(*, choice: Choice, mismatches: tuple[str, ...]) -> None:
 
     from slip_vic.experiments.check import gain_lines, gains, run_worlds
     from slip_vic.experiments.tables import tables_of
+    from slip_vic.scenarios.scenario import load_scenario
 
-    loaded = choice.load()
+    loaded = load_scenario(**choice)
     report = gains(loaded)
     for line in gain_lines(report):
         click.echo(line)
@@ -177,7 +176,7 @@ def check(*, choice: Choice, mismatches: tuple[str, ...]) -> None:
     Console().print(*tables_of(rows), sep="\n")
     failed = [row for row in rows if row["outcome"] != "ok"]
     click.echo(f"holds in {len(rows) - len(failed)} of {len(rows)} simulated worlds")
-    end_with((f"{row['mismatch']}: {row['reason']}" for row in failed), allowed=False)
+    end_with(f"{row['mismatch']}: {row['reason']}" for row in failed)
 
 
 @click.command()
@@ -256,4 +255,4 @@ def verify(folder: Path, law: str) -> None:
 
     count, wrong = verify_result(folder, law)
     click.echo(f"{folder}: {count} worlds ran again, {'they differ' if wrong else 'all are equal'}")
-    end_with(wrong, allowed=False)
+    end_with(wrong)

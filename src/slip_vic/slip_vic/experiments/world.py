@@ -11,7 +11,7 @@ from typing import Any, Final, Literal, NamedTuple
 from slip_core.errors import UnknownName
 from slip_core.files.plain_yaml import read_yaml
 from slip_vic.run.versions import digest
-from slip_vic.scenarios.scenario import Estimator, Law, Scenario, load_scenario
+from slip_vic.scenarios.scenario import Law, Scenario, load_scenario
 
 Track = Literal["", "capped", "free"]
 """Tracks of the benchmark. capped: the object would break, the squeeze is at most what the scenario has. free: what the
@@ -19,16 +19,16 @@ gripper can. "": none; the controller's laws then run as the controller, not thr
 
 
 class OwnLaw(NamedTuple):
-    """A law of the controller as `load_scenario` configures it; more: further assignments."""
+    """A law of the controller as `load_scenario` configures it; observer: of a sensor; more: further assignments."""
 
     law: Law
-    estimator: Estimator | None = "observer"
+    observer: bool = True
     more: tuple[str, ...] = ()
 
 
 OWN_LAWS: Final[Mapping[str, OwnLaw]] = {
-    "classical": OwnLaw("classical", None),
-    "printed": OwnLaw("printed", None),
+    "classical": OwnLaw("classical", observer=False),
+    "printed": OwnLaw("printed", observer=False),
     "vic": OwnLaw("vic"),
     "governed": OwnLaw("governed"),
     "governed_follow": OwnLaw("governed", more=("controller.grip.control=follow", "bridge.grip.control=follow")),
@@ -83,13 +83,13 @@ class World:
         if base not in OWN_LAWS:
             raise UnknownName("law", base, OWN_LAWS)
         own, changes = OWN_LAWS[base], (f"controller.{change}",) if change else ()
+        observer = ("controller.slip_estimator=observer",) if own.observer and self.sensor else ()
         return load_scenario(
             self.scenario,
             law=own.law,
             sensor=self.sensor,
             seed=self.seed,
-            estimator=own.estimator if self.sensor else None,
-            assignments=(*self.settings, *own.more, *changes, *more),
+            assignments=(*observer, *self.settings, *own.more, *changes, *more),
         )
 
 

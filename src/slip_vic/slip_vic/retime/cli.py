@@ -11,7 +11,7 @@ from slip_vic.options import Choice, choosing, out_option
 
 @click.command()
 @click.argument("path", type=click.Path(path_type=Path))
-@choosing("scenario", "params", "assignments", "urdf")
+@choosing("scenario", "parameters", "assignments", "urdf")
 @out_option("out/retime", "folder")
 def retime(*, path: Path, choice: Choice, out: Path) -> None:
     """Give a path the timing that the grasp's friction admits, for any controller to follow.

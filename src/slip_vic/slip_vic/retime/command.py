@@ -14,7 +14,7 @@ from slip_vic.retime import output
 from slip_vic.retime.certificate import arm_shares, certified, certify, joined
 from slip_vic.retime.path import GivenPath, PadPath, deviation, in_order, read_points, sections
 from slip_vic.retime.timing import held_object
-from slip_vic.scenarios.scenario import Scenario
+from slip_vic.scenarios.scenario import Scenario, load_scenario
 from slip_vic_controller.governor.layouts import GOVERNOR_CONFIG
 from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.path.joint_path import JointPath
@@ -35,7 +35,7 @@ def run_retime(source: Path, choice: Choice, out: Path) -> Iterator[str]:
     """
     given = read_points(source)
     timed = len(given.times) > 0
-    params, controller = governed(choice.load(), "slow_down" if timed else "time_optimal")
+    params, controller = governed(load_scenario(**choice), "slow_down" if timed else "time_optimal")
     parts, config = sections(given, params.governor.torsional_radius), governor_config(controller)
     paths: list[GivenPath] = [
         PadPath(part.points) if given.of_pad else JointPath(part.points, controller.robot) for part in parts

@@ -8,7 +8,6 @@ import shutil
 import sys
 import tempfile
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +26,7 @@ from slip_vic.run.metrics import summary_rows
 from slip_vic.run.prepare import prepare
 from slip_vic.run.progress import run_progress
 from slip_vic.run.versions import versions
-from slip_vic.scenarios.scenario import GOVERNED, Law, Scenario, read_parameters
+from slip_vic.scenarios.scenario import GOVERNED, Law, Scenario, load_scenario, read_parameters
 
 Numbers = dict[str, Any]
 ORDER: tuple[Law, ...] = ("classical", "vic", "governed")
@@ -68,7 +67,7 @@ def run_demo(
         ends = {law: str(own["reason"]) for law, own in numbers.items() if own["reason"]}
         command = shlex.join(["slip-vic", *sys.argv[1:]])
         write_page(staging / "report.html", runs, command=command, description=shown.description, ends=ends)
-        summary = {"scenario": shown.name, "seed": choice.seed, "versions": dict(versions()), "runs": numbers}
+        summary = {"scenario": shown.name, "seed": shown.seed, "versions": dict(versions()), "runs": numbers}
         (staging / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
         table = comparison_table(shown.name, numbers)
         for item in staging.iterdir():
@@ -129,9 +128,10 @@ def numbers_of(verdict: Verdict) -> Numbers:
 
 def all_laws(choice: Choice) -> dict[Law, Scenario]:
     """Return the scenario with each law; all get the parameters of the file, without those in which they differ."""
-    given = read_parameters(choice.params)
+    file = choice["parameters"]
+    given = {} if file is None else read_parameters(file)
     common = {name: value for name, value in given.items() if name not in ("controller", *GOVERNED)}
-    return {law: replace(choice, law=law).load(parameters=common) for law in ORDER}
+    return {law: load_scenario(**choice | {"law": law, "parameters": common}) for law in ORDER}
 
 
 def comparison_table(scenario: str, runs: Mapping[str, Mapping[str, Any]]) -> Table:

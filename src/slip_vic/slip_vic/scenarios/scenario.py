@@ -6,7 +6,6 @@ import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final, Literal, get_args
 
 import yaml
@@ -49,7 +48,6 @@ governed: that below the reference governor; printed: the paper's law and nothin
 LAWS: tuple[Law, ...] = get_args(Law)
 OWN_WRENCH: Final = ("classical", "printed")
 """Laws in which each of several arms has its own contact only, and no internal feedback."""
-Estimator = Literal["measured", "observer"]
 Mode = Literal["lockstep", "realtime"]
 NodeValues = dict[str, dict[str, Any]]
 """Values by dotted name, of the nodes "controller" and "bridge"."""
@@ -262,41 +260,40 @@ class Scenario:
 
 
 def load_scenario(
-    name_or_path: str,
+    scenario: str,
     *,
     law: Law = "vic",
     mode: Mode = "lockstep",
     seed: int = 0,
     assignments: Iterable[str] = (),
-    urdf_file: Path | None = None,
+    urdf: str | Path | None = None,
     sensor: str = "",
     drive: str = "",
-    estimator: Estimator | None = None,
-    parameters: Mapping[str, Any] = MappingProxyType({}),
+    parameters: Mapping[str, Any] | Path | None = None,
 ) -> Scenario:
     """Read a scenario by name or path and apply ``--set`` assignments.
 
     An assignment names a node's parameter (``controller.gains.k_s=500``, ``bridge.grip.force=0.6``) or,
     without prefix, one that both nodes share (``object.mass=0.6``). Real time brings `BOUNDED`. A
     `sensor` (name or file) gives both nodes what a slip sensor is, and the controller settings that suit it, `drive`
-    what the arm's drives and encoders are;
-    `parameters` of the controller, `estimator` and assignments come after it, in this order.
+    what the arm's drives and encoders are; `parameters` of the controller, by dotted name or in a file, come after
+    it, then assignments.
 
     Raises:
         InputError: unknown scenario, unknown parameter (nearest names offered), bad value, unreadable URDF.
     """
-    text, origin = scenario_text(name_or_path), f"scenario {name_or_path}"
+    text, origin = scenario_text(scenario), f"scenario {scenario}"
     outer = validate(ScenarioFile, parse_mapping(text, origin), origin)
     values = {name: _values(outer, name) for name in outer.arms or (ONE_ARM,)}
     mismatch = dict(outer.mismatch.model_dump())
     for own in values.values():
-        _find_arm(own, name_or_path)
+        _find_arm(own, scenario)
         own["bridge"]["duration_s"] = outer.duration_s
         own["bridge"]["seed"] = seed
         for node in own.values():
             node["mode"] = mode
-            if urdf_file is not None:
-                node["robot_description_file"] = str(urdf_file)
+            if urdf is not None:
+                node["robot_description_file"] = str(urdf)
         own["controller"] |= law_settings(law, len(values))
         if mode == "realtime":
             own["controller"] |= BOUNDED
@@ -306,10 +303,9 @@ def load_scenario(
             apply_drive(own, load_drive(drive))
         if law == "printed":
             own["controller"] |= PRINTED
-    _apply_parameters(values, parameters, keep_sensor=bool(sensor))
+    given = read_parameters(parameters) if isinstance(parameters, Path) else parameters or {}
+    _apply_parameters(values, given, keep_sensor=bool(sensor))
     for own in values.values():
-        if estimator is not None:
-            own["controller"]["slip_estimator"] = estimator
         _tell_friction(own, origin)
     for assignment in assignments:
         _assign(values, mismatch, *parse_assignment(assignment))
@@ -405,14 +401,12 @@ def _apply_parameters(values: dict[str, NodeValues], parameters: Mapping[str, An
             known |= common | mine | kept
 
 
-def read_parameters(file: Path | None) -> dict[str, Any]:
-    """Return the controller's parameters in a ROS parameter file or a plain one; without a file none.
+def read_parameters(file: Path) -> dict[str, Any]:
+    """Return the controller's parameters in a ROS parameter file or a plain one.
 
     Raises:
         InputError: an unreadable file, or one of another node.
     """
-    if file is None:
-        return {}
     content = load_yaml(file)
     nodes = {name: node for name, node in content.items() if isinstance(node, dict) and "ros__parameters" in node}
     if not nodes:
