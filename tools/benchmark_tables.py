@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from slip_vic.experiments.rows import Row
+from slip_vic.experiments.run import Row
 from slip_vic.experiments.suite import compared
 from slip_vic.experiments.tables import lines_of, write_picture
 

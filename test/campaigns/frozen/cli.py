@@ -27,7 +27,7 @@ def run(*, prefix: str, laws: str, jobs: int, part: slice, out: Path) -> None:
     """Run the frozen worlds under laws of the controller."""
     from slip_core.errors import UnknownName
     from slip_vic.experiments.engines import open_engine
-    from slip_vic.experiments.runner import fill, tasks_of
+    from slip_vic.experiments.runner import fill, under_laws
     from slip_vic.experiments.world import OWN_LAWS
     from test.campaigns.frozen.worlds import worlds_of
 
@@ -35,7 +35,7 @@ def run(*, prefix: str, laws: str, jobs: int, part: slice, out: Path) -> None:
         if law not in OWN_LAWS:
             raise UnknownName("law", law, OWN_LAWS)
     with open_engine("pool", jobs) as workers:
-        done = fill(out, "frozen", tasks_of(worlds_of(prefix)[part], names(laws)), workers)
+        done = fill(out, "frozen", under_laws(worlds_of(prefix)[part], names(laws)), workers)
     for line in done.died:
         click.echo(line, err=True)
     click.echo(f"{done.there} of {len(done.rows)} runs were there already; {out}")

@@ -10,9 +10,8 @@ from typing import Final
 import numpy as np
 from rich.table import Table
 
-from slip_vic.experiments.rows import Row
+from slip_vic.experiments.run import CARRIED, Row, kind_of
 from slip_vic.experiments.run import KINDS as ALL_KINDS
-from slip_vic.experiments.run import kind_of
 from slip_vic.experiments.statistics import clopper_pearson, mcnemar
 
 GREW_M: Final = 3e-4
@@ -26,7 +25,7 @@ LATER: Final = 1.05
 """Largest median ratio of arrivals."""
 LEVEL: Final = 0.05
 """Level of McNemar's test."""
-KINDS: Final = tuple(kind for kind in ALL_KINDS if kind != "kept")
+KINDS: Final = tuple(kind for kind in ALL_KINDS if kind not in CARRIED)
 TESTS: Final = {"lost": ("lost",), "lost or short": ("lost", "short"), "not carried": KINDS}
 """Kinds of rows that each of McNemar's tests counts."""
 ONE_ARM: Final = "one_arm"
@@ -103,7 +102,7 @@ def line_of(name: str, law: str, pairs: Sequence[tuple[Row, Row]]) -> Line:
         apart = [(kinds[k][0] in among, kinds[k][1] in among) for k in tested]
         return mcnemar(apart.count((True, False)), apart.count((False, True)))
 
-    kept = [pair for pair, kind in zip(pairs, kinds, strict=True) if kind == ("kept", "kept")]
+    kept = [pair for pair, kind in zip(pairs, kinds, strict=True) if set(kind) <= set(CARRIED)]
     ratios = [
         float(now["arrival_s"]) / float(before["arrival_s"])
         for before, now in kept

@@ -8,7 +8,7 @@ import json
 from pathlib import Path
 from typing import Final
 
-from slip_vic.experiments.rows import Row
+from slip_vic.experiments.run import Row
 from slip_vic.experiments.world import World, frozen_worlds
 
 FOLDER: Final = Path(__file__).parents[2] / "frozen"

@@ -22,7 +22,7 @@ from slip_core.errors import InputError
 from slip_vic.experiments import suite
 from slip_vic.experiments.engines import Died, EngineName, RayEngine, open_engine
 from slip_vic.experiments.rows import FILE, digest_of
-from slip_vic.experiments.runner import fill, tasks_of
+from slip_vic.experiments.runner import fill, under_laws
 from test.support.ray_cluster import busy_workers, kill_node, ray_cluster
 
 SUPPORT = Path(__file__).parents[2] / "support"
@@ -128,7 +128,7 @@ def test_rows_of_the_benchmark_are_those_of_the_pool(cluster: Any, tmp_path: Pat
     engines: tuple[EngineName, ...] = ("pool", "ray")
     for one in engines:
         with open_engine(one, 1) as workers:
-            found.append(fill(tmp_path / one / FILE, one, tasks_of(short, ("vic",)), workers).rows)
+            found.append(fill(tmp_path / one / FILE, one, under_laws(short, ("vic",)), workers).rows)
     pool, ray = found
     assert len(ray) == 3
     assert all(float(row["effort_rate_rms_n_m_s"]) > 0.0 for row in ray)

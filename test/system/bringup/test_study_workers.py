@@ -26,7 +26,7 @@ from slip_vic.cli import cli
 from slip_vic.experiments import runner, suite
 from slip_vic.experiments.engines import Died, PoolEngine
 from slip_vic.experiments.rows import FILE
-from slip_vic.experiments.runner import tasks_of
+from slip_vic.experiments.runner import under_laws
 
 SUPPORT = Path(__file__).parents[2] / "support"
 LAWS = ("classical", "vic?slip_estimator=measured", "vic")
@@ -114,7 +114,7 @@ def test_a_run_that_kills_its_workers_is_a_row(
     monkeypatch.setattr(runner, "run_on_worker", tasks.deadly_run)
     worlds = [replace(world, seed=k, set=name) for k, world in enumerate(suite.worlds("capped", 1, 4))]
     with PoolEngine(2) as workers:
-        done = runner.fill(tmp_path / FILE, name, tasks_of(worlds, ("vic",)), workers)
+        done = runner.fill(tmp_path / FILE, name, under_laws(worlds, ("vic",)), workers)
     found = {row["seed"]: row for row in done.rows}
     assert [found[str(seed)]["outcome"] for seed in range(4)] == ["ok", "crashed", "ok", "ok"]
     assert "its process died 3 times" in found["1"]["reason"]

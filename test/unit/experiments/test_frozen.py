@@ -5,8 +5,7 @@ from collections.abc import Sequence
 
 import pytest
 
-from slip_vic.experiments.rows import Row
-from slip_vic.experiments.run import kind_of
+from slip_vic.experiments.run import Row, kind_of
 from slip_vic.experiments.world import World, parameter_of, renamed
 from test.campaigns.frozen.compare import compare, verdict
 from test.campaigns.frozen.worlds import base_rows, worlds_of
@@ -59,9 +58,10 @@ def test_settings_get_new_names_or_go() -> None:
 @pytest.mark.parametrize(
     ("one", "kind"),
     [
-        (row(1), "kept"), (row(1, outcome="held"), "kept"), (row(1, outcome="saturated", off=0.03), "short"),
+        (row(1), "arrived"), (row(1, arrival=math.nan), "late"), (row(1, outcome="saturated", off=0.03), "short"),
         (row(1, outcome="fault", off=math.nan), "lost"), (row(1, outcome="held", off=math.nan), "held"),
-        (row(1, outcome="refused", off=math.nan), "refused"), (row(1, off=0.02), "kept"), (row(1, off=0.0201), "short"),
+        (row(1, outcome="refused", off=math.nan), "refused"), (row(1, off=0.0201), "short"),
+        (row(1, off=0.02, outcome="held"), "arrived"),
     ],
 )  # fmt: skip
 def test_kind_of_a_row(one: Row, kind: str) -> None:

@@ -11,7 +11,6 @@ from slip_core.errors import InputError
 from slip_vic.cli import main
 from slip_vic.experiments.rows import (
     FILE,
-    Task,
     digest_of,
     joined,
     key_of,
@@ -20,14 +19,18 @@ from slip_vic.experiments.rows import (
     rows_added,
     write_rows,
 )
-from slip_vic.experiments.run import METRICS, Result, failed
+from slip_vic.experiments.run import METRICS, Row, row_of
 from slip_vic.experiments.world import World
 
 MADE_OF = {"numpy": "2.0"}
 
 
-def result(seed: int = 0, value: float = 1.0, law: str = "vic") -> Result:
-    return Result(World("paper_planar", "ideal", seed, number=seed), law, "ok", "", dict.fromkeys(METRICS, value))
+def world(seed: int) -> World:
+    return World("paper_planar", "ideal", seed, number=seed, law="vic")
+
+
+def result(seed: int = 0, value: float = 1.0) -> Row:
+    return row_of(world(seed), "ok", "", dict.fromkeys(METRICS, value))
 
 
 def test_a_file_continues_where_it_stopped(tmp_path: Path) -> None:
@@ -35,11 +38,11 @@ def test_a_file_continues_where_it_stopped(tmp_path: Path) -> None:
     with rows_added(path, MADE_OF) as (done, add):
         assert done == set()
         add(result(10))
-        add(failed(result(2).world, "vic", "crashed", "it was\nthe weather"))
+        add(row_of(world(2), "crashed", "it was\nthe weather", {}))
     with path.open("a", encoding="utf-8") as cut:
         cut.write("study,3,vic,paper_pl")  # cut off by a full disk or a kill
     with rows_added(path, MADE_OF) as (done, add):
-        assert done == {Task(*result(10)[:2]).key}
+        assert done == {world(10).key}
         add(result(2))
         add(result(0))
         assert [row["seed"] for row in read_rows(path)] == ["10", "2", "0"]
@@ -52,7 +55,7 @@ def test_a_row_keeps_every_bit(tmp_path: Path) -> None:
         add(result(0, 0.1 + 0.2))
     (row,) = read_rows(tmp_path / FILE)
     assert {float(row[name]) for name in METRICS} == {0.1 + 0.2}
-    assert key_of(row) == Task(*result(0)[:2]).key
+    assert key_of(row) == world(0).key
 
 
 def test_a_file_keeps_to_what_it_is_made_of(tmp_path: Path) -> None:

@@ -9,7 +9,6 @@ import pytest
 from rich.console import Console
 
 from slip_core.errors import InputError
-from slip_vic.experiments.rows import Task
 from slip_vic.experiments.runner import _scenario, made_of, run_on_worker
 from slip_vic.experiments.world import World
 from slip_vic.run.progress import progress
@@ -23,7 +22,7 @@ def test_rows_are_made_of_files_and_laws(tmp_path: Path) -> None:
     for text in (scenario_text("paper_planar"), scenario_text("paper_planar") + "\n# another line\n"):
         own.write_text(text)
         _scenario.cache_clear()
-        found = made_of([Task(World(str(own), "ideal"), "fixed_grip?factor=2"), Task(World("paper_planar"), "vic")])
+        found = made_of([World(str(own), "ideal", law="fixed_grip?factor=2"), World("paper_planar", law="vic")])
         assert set(found) - set(versions()) == {
             f"scenario {own}", "scenario paper_planar", "sensor ideal", "law fixed_grip?factor=2"
         }  # fmt: skip
@@ -32,10 +31,10 @@ def test_rows_are_made_of_files_and_laws(tmp_path: Path) -> None:
 
 
 def test_a_worker_with_other_versions_is_named() -> None:
-    task = Task(World("paper_planar", settings=("bridge.duration_s=0.01",)), "classical")
-    assert run_on_worker(versions(), task).outcome == "ok"
+    world = World("paper_planar", settings=("bridge.duration_s=0.01",), law="classical")
+    assert run_on_worker(versions(), world)["outcome"] == "ok"
     with pytest.raises(InputError, match=r"worker on .*: got mujoco .*, expected 0\.1"):
-        run_on_worker({**versions(), "mujoco": "0.1"}, task)
+        run_on_worker({**versions(), "mujoco": "0.1"}, world)
 
 
 def test_progress_without_a_terminal_is_lines() -> None:

@@ -157,10 +157,10 @@ def test_who_stays_at_the_start_of_a_closed_path_has_not_arrived(tmp_path: Path)
     path = {"kind": "circle", "duration_s": 0.2, "ramp_s": 0.1, "period_s": 0.1, "radius": 0.001}
     closed = (*(f"controller.trajectory.{name}={value}" for name, value in path.items()), "bridge.duration_s=0.25")
     world = short("capped", 1)
-    row = run(replace(world, settings=closed), f"{file}:Still")
-    assert (row.outcome, row.reason) == ("stays", "the pad does not leave the start")
-    assert math.isnan(row.metrics["arrival_s"])
-    assert row.metrics["final_error_m"] < 1e-3
+    row = run(replace(world, settings=closed, law=f"{file}:Still"))
+    assert (row["outcome"], row["reason"]) == ("stays", "the pad does not leave the start")
+    assert math.isnan(float(row["arrival_s"]))
+    assert float(row["final_error_m"]) < 1e-3
 
 
 def test_the_slip_path_is_its_length_and_not_where_it_ends() -> None:

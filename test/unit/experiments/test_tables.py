@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from slip_vic.experiments.rows import COLUMNS, Row
-from slip_vic.experiments.run import METRICS
+from slip_vic.experiments.run import COLUMNS, METRICS, Row
 from slip_vic.experiments.tables import lines_of, median, tables_of, write_picture
 
 

@@ -6,8 +6,7 @@ import math
 
 import pytest
 
-from slip_vic.experiments.rows import COLUMNS, Row, row_of
-from slip_vic.experiments.run import METRICS, Result
+from slip_vic.experiments.run import COLUMNS, METRICS, Row, row_of
 from slip_vic.experiments.world import World, combined
 
 pytest.importorskip("optuna", reason="the extra `tune`")
@@ -24,12 +23,12 @@ DEFAULTS = {"gains.k_s": 1000.0, "governor.margin": 0.95}
 def made_up(name: str, values: Values) -> list[Row]:
     """Return rows by a formula: the best k_s is 200, and a small margin costs effort rate."""
     rows = []
-    for task in tried(WORLDS, "vic", name, values):
-        k_s, margin = (float(text.partition("=")[2]) for text in task.world.settings[-2:])
-        slip = 1e-3 * (1.0 + abs(math.log(k_s / 200.0)) + margin + 0.1 * task.world.seed)
+    for world in tried(WORLDS, "vic", name, values):
+        k_s, margin = (float(text.partition("=")[2]) for text in world.settings[-2:])
+        slip = 1e-3 * (1.0 + abs(math.log(k_s / 200.0)) + margin + 0.1 * world.seed)
         numbers = dict.fromkeys(METRICS, 0.0)
         numbers |= {"slip_linear_m": slip, "effort_rate_rms_n_m_s": 1.0 / margin**2, "arrival_s": 2.0}
-        rows.append(row_of(Result(*task, "ok", "", numbers)))
+        rows.append(row_of(world, "ok", "", numbers))
     return rows[::-1]
 
 

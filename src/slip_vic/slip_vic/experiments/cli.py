@@ -100,7 +100,7 @@ def study(
     is one.
     """
     from slip_vic.experiments.draw import drawn_worlds
-    from slip_vic.experiments.runner import bad_ones, run_study, tasks_of
+    from slip_vic.experiments.runner import bad_ones, run_study, under_laws
     from slip_vic.experiments.world import combined
     from slip_vic.presets import preset_names
     from slip_vic.scenarios import scenario_names
@@ -124,7 +124,7 @@ def study(
         )  # fmt: skip
         for world in {world.scenario: world for world in worlds}.values():
             world.load("classical").check()
-    done = run_study(tasks_of(worlds[part], laws), out, engine, jobs)
+    done = run_study(under_laws(worlds[part], laws), out, engine, jobs)
     _report(done, out)
     end_with(bad_ones(done.rows))
 
@@ -224,12 +224,12 @@ def run(
     """Run LAW (a name, module:Class or file.py:Class); a folder that has worlds already continues."""
     from slip_vic.experiments import suite
     from slip_vic.experiments.law import find_law
-    from slip_vic.experiments.runner import run_study, tasks_of
+    from slip_vic.experiments.runner import run_study, under_laws
 
     found = find_law(law)
     folder = out or Path("out") / "benchmark" / found.label
     chosen = suite.suite(found, worlds, (int(arms),) if arms else (1, 2))
-    done = run_study(tasks_of(chosen[part], (law,)), folder, engine, jobs, {"suite": suite.DIGEST})
+    done = run_study(under_laws(chosen[part], (law,)), folder, engine, jobs, {"suite": suite.DIGEST})
     _report(done, folder)
 
 

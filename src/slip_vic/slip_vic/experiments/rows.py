@@ -14,47 +14,20 @@ import json
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 
 from slip_core.errors import InputError
 from slip_core.files.plain_yaml import parse_json
 from slip_core.files.resources import open_file, read_text
-from slip_vic.experiments.run import METRICS, Result
-from slip_vic.experiments.world import World
+from slip_vic.experiments.run import COLUMNS, Row
+from slip_vic.experiments.world import KEY, Key
 from slip_vic.run.versions import digest
 
 FILE: Final = "rows.csv"
-KEY: Final = (
-    "set", "world", "law", "scenario", "sensor", "drive", "motion", "mismatch", "seed", "arms", "track", "digest",
-)  # fmt: skip
-"""Columns that name a run; world: the number in its set; digest: of everything that makes the world."""
-COLUMNS: Final = (*KEY, "outcome", *METRICS, "reason")
-Row = dict[str, str]
-Key = tuple[str, ...]
-
-
-class Task(NamedTuple):
-    """A run that is to be made."""
-
-    world: World
-    law: str
-
-    @property
-    def key(self) -> Key:
-        """The leading cells of its row."""
-        world, law = self
-        labels = (world.scenario, world.sensor, world.drive, world.motion, world.mismatch)
-        numbers = (str(world.seed), str(world.arms))
-        return (world.set, str(world.number), law, *labels, *numbers, world.track, world.digest)
-
-    @property
-    def name(self) -> str:
-        """Its key in words, without the digest."""
-        return " ".join(filter(None, self.key[:-1]))
 
 
 @contextlib.contextmanager
-def rows_added(path: Path, made_of: Mapping[str, str]) -> Iterator[tuple[set[Key], Callable[[Result], None]]]:
+def rows_added(path: Path, made_of: Mapping[str, str]) -> Iterator[tuple[set[Key], Callable[[Row], None]]]:
     """Give the keys of the runs that a file has, but for those that crashed, and a function that adds a row.
 
     The file is locked while the block runs. At its end the rows are put in the order of their runs: the same file,
@@ -76,20 +49,13 @@ def rows_added(path: Path, made_of: Mapping[str, str]) -> Iterator[tuple[set[Key
         try:
             with path.open("a", newline="", encoding="utf-8") as file:
 
-                def add(result: Result) -> None:
-                    csv.writer(file).writerow(row_of(result).values())
+                def add(row: Row) -> None:
+                    csv.writer(file).writerow(row.values())
                     file.flush()
 
                 yield {key_of(row) for row in there}, add
         finally:
             write_rows(path, read_rows(path), together)
-
-
-def row_of(result: Result) -> Row:
-    """Return a result as the cells of its row."""
-    numbers = [repr(float(result.metrics[name])) for name in METRICS]
-    cells = (*Task(result.world, result.law).key, result.outcome, *numbers, " ".join(result.reason.split()))
-    return dict(zip(COLUMNS, cells, strict=True))
 
 
 def key_of(row: Row) -> Key:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from slip_core.arrays import Array
 from slip_core.errors import SlipVicError
 from slip_vic.experiments.driven import Driven
 from slip_vic.experiments.law import find_law
-from slip_vic.experiments.world import OWN_LAWS, World
+from slip_vic.experiments.world import KEY, OWN_LAWS, World
 from slip_vic.run.in_process import Tick, run_in_process
 from slip_vic.run.judge import Verdict, judge
 from slip_vic.run.metrics import off_goal_m
@@ -32,46 +32,43 @@ LOST: Final = ("lost", "fault", "failed", "crashed")
 """Outcomes after which nothing holds the object, or the law has failed."""
 SHORT_M: Final = 0.02
 """A run that keeps the object and ends farther from its goal is short [m]."""
-KINDS: Final = ("kept", "lost", "short", "held", "refused")
+KINDS: Final = ("arrived", "late", "lost", "short", "held", "refused")
+"""What becomes of a world. late: carried to the goal, but not within its tolerance; held: the law never began."""
+CARRIED: Final = KINDS[:2]
+COLUMNS: Final = (*KEY, "outcome", *METRICS, "reason")
+Row = dict[str, str]
 
 
-class Result(NamedTuple):
-    """What became of a world under a law.
-
-    outcome: as in `slip_vic.run.judge.Outcome`; failed: a foreign law did what a law must not do; stays: the pad did
-    not leave the start, which of a closed path is its goal too.
-    """
-
-    world: World
-    law: str
-    outcome: str
-    reason: str
-    metrics: Mapping[str, float]
-
-
-def run(world: World, law: str) -> Result:
-    """Run a world under a law; whatever goes wrong becomes the outcome of its row.
+def row_of(world: World, outcome: str, reason: str, metrics: Mapping[str, float]) -> Row:
+    """Return the row of a run.
 
     Args:
-        world: which; on a track of the benchmark every law runs through the interface for foreign laws.
-        law: a name, `module:Class` or `file.py:Class`.
+        world: which.
+        outcome: as in `slip_vic.run.judge.Outcome`; failed: a foreign law did what a law must not do; stays: the pad
+            did not leave the start, which of a closed path is its goal too.
+        reason: of the outcome.
+        metrics: by their names; one that is missing is NaN.
     """
-    own = not world.track and law.partition("?")[0] in OWN_LAWS
+    numbers = [repr(float(metrics.get(name, math.nan))) for name in METRICS]
+    return dict(zip(COLUMNS, (*world.key, outcome, *numbers, " ".join(reason.split())), strict=True))
+
+
+def run(world: World) -> Row:
+    """Run a world under its law; whatever goes wrong becomes the outcome of its row.
+
+    On a track of the benchmark every law runs through the interface for foreign laws.
+    """
+    own = not world.track and world.law.partition("?")[0] in OWN_LAWS
     try:
-        outcome, reason, metrics = play(Controlled(world.load(law)) if own else _foreign(world, law))
+        outcome, reason, metrics = play(Controlled(world.load(world.law)) if own else _foreign(world))
     except SlipVicError as error:
-        return failed(world, law, "refused", str(error))
+        return row_of(world, "refused", str(error), {})
     except (Exception, SystemExit) as error:  # the rows of other worlds must come whatever one does
-        return failed(world, law, "crashed" if own else "failed", f"{type(error).__name__}: {error}")
-    if world.track and metrics["arrival_s"] == 0.0:  # of a closed path, whose goal is where it starts
+        return row_of(world, "crashed" if own else "failed", f"{type(error).__name__}: {error}", {})
+    if world.track and metrics.get("arrival_s") == 0.0:  # of a closed path, whose goal is where it starts
+        del metrics["arrival_s"]
         outcome, reason = "stays", "the pad does not leave the start"
-        metrics["arrival_s"] = math.nan
-    return Result(world, law, outcome, reason, metrics)
-
-
-def failed(world: World, law: str, outcome: str, reason: str) -> Result:
-    """Return the result of a run that has no numbers."""
-    return Result(world, law, outcome, reason, dict.fromkeys(METRICS, math.nan))
+    return row_of(world, outcome, reason, metrics)
 
 
 @dataclass
@@ -98,9 +95,9 @@ def play(driven: Driven | Controlled) -> tuple[str, str, dict[str, float]]:
     return outcome, reason, metrics_of(verdict, outcome, track, driven)
 
 
-def _foreign(world: World, law: str) -> Driven:
+def _foreign(world: World) -> Driven:
     """Return a run under a foreign law; its squeeze is limited as the track says, with the scenario's at least."""
-    found = find_law(law)
+    found = find_law(world.law)
     scenario = world.load(getattr(found.kind, "configured", "classical"), found.settings)
     grips = [params.grip for params in scenario.controllers.values()]
     most = max(grip.nominal_force for grip in grips)
@@ -110,18 +107,17 @@ def _foreign(world: World, law: str) -> Driven:
 
 
 def metrics_of(verdict: Verdict, outcome: str, track: Track, driven: Driven | Controlled) -> dict[str, float]:
-    """Return the numbers of a run; NaN where it has none."""
-    found = dict.fromkeys(METRICS, math.nan)
+    """Return the numbers that a run has."""
     if not track.ticks:
-        return found
-    found |= {name: verdict.worst(name) for name in OF_VERDICT}
+        return {}
+    found = {name: verdict.worst(name) for name in OF_VERDICT}
     arms = track.data().arms
     slips = [arm.channel("slip_velocity") for arm in arms]
     paths = [slip_path(slip.times, slip.rows) for slip in slips]
     found["slip_path_m"], found["slip_path_rad"] = max(path[0] for path in paths), max(path[1] for path in paths)
     found["squeeze_mean_n"], found["squeeze_peak_n"] = float(np.mean(driven.grips)), float(max(driven.grips))
     if outcome in LOST:
-        found["arrival_s"] = math.nan
+        del found["arrival_s"]
     else:
         pairs = zip(arms, track.scenario.controllers.values(), strict=True)
         found["off_goal_m"] = max(off_goal_m(one, params) for one, params in pairs)
@@ -135,10 +131,7 @@ def slip_path(time: Array, velocity: Array) -> tuple[float, float]:
 
 
 def kind_of(row: Mapping[str, str]) -> str:
-    """Return of a row: kept, lost, short, held or refused.
-
-    held: the law never began. A run that was stopped in between and reached its goal all the same is kept.
-    """
+    """Return which of `KINDS` a row is; a run that was stopped in between may reach its goal all the same."""
     if row["outcome"] in LOST:
         return "lost"
     if row["outcome"] == "refused":
@@ -148,4 +141,6 @@ def kind_of(row: Mapping[str, str]) -> str:
         off_goal = float(row["final_error_m"])
     if math.isnan(off_goal):
         return "held"
-    return "short" if off_goal > SHORT_M or row["outcome"] == "stays" else "kept"
+    if off_goal > SHORT_M or row["outcome"] == "stays":
+        return "short"
+    return "arrived" if math.isfinite(float(row["arrival_s"])) else "late"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import platform
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,8 +15,6 @@ from slip_vic.experiments.engines import Died, Engine, EngineName, open_engine
 from slip_vic.experiments.law import find_law
 from slip_vic.experiments.rows import (
     FILE,
-    Row,
-    Task,
     joined,
     key_of,
     locked,
@@ -24,8 +23,8 @@ from slip_vic.experiments.rows import (
     rows_added,
     write_rows,
 )
-from slip_vic.experiments.run import Result, failed, run
-from slip_vic.experiments.world import OWN_LAWS, World
+from slip_vic.experiments.run import Row, row_of, run
+from slip_vic.experiments.world import OWN_LAWS, Key, World
 from slip_vic.presets import preset_text
 from slip_vic.run.prepare import prepare
 from slip_vic.run.progress import progress
@@ -41,20 +40,20 @@ class Done(NamedTuple):
     died: list[str]
 
 
-def made_of(tasks: Iterable[Task]) -> dict[str, str]:
+def made_of(worlds: Iterable[World]) -> dict[str, str]:
     """Return what rows of these runs are made of: versions, and digests of scenarios with their arms, sensors and laws.
 
     Raises:
         InputError: an unknown name, a file that cannot be read, a bad override of the arm, no such law.
     """
     found = dict(versions())
-    for world, law in tasks:
+    for world in worlds:
         arm = tuple(one for one in world.settings if "robot_description_file=" in one)
         found[" ".join(("scenario", world.scenario, *arm))] = _scenario(world.scenario, arm)
         if world.sensor:
             found[f"sensor {world.sensor}"] = _sensor(world.sensor)
-        if world.track or law.partition("?")[0] not in OWN_LAWS:
-            found[f"law {law}"] = find_law(law).source
+        if world.track or world.law.partition("?")[0] not in OWN_LAWS:
+            found[f"law {world.law}"] = find_law(world.law).source
     return found
 
 
@@ -69,57 +68,67 @@ def _sensor(name: str) -> str:
     return digest([preset_text("sensors", name).encode()])
 
 
-def run_on_worker(wanted: Mapping[str, str], task: Task) -> Result:
+def run_on_worker(wanted: Mapping[str, str], world: World) -> Row:
     """Make one run in this process.
 
     Raises:
-        InputError: this worker has other versions or files than the process that sent the task.
+        InputError: this worker has other versions or files than the process that sent the world.
     """
-    refuse_difference(made_of([task]), wanted, f"worker on {platform.node()}", "install there what runs here")
+    refuse_difference(made_of([world]), wanted, f"worker on {platform.node()}", "install there what runs here")
     prepare()
-    return run(task.world, task.law)
+    return run(world)
 
 
-def fill(path: Path, name: str, tasks: Sequence[Task], workers: Engine, more: Mapping[str, str] | None = None) -> Done:
+def fill(
+    path: Path, name: str, worlds: Sequence[World], workers: Engine, more: Mapping[str, str] | None = None
+) -> Done:
     """Make the runs that a file of rows does not have yet.
 
     Args:
         path: of the file.
         name: of what runs, for the progress that is shown.
-        tasks: all.
+        worlds: all, each with its law.
         workers: make the runs.
         more: what rows depend on beside versions and files, by name.
 
     Raises:
         InputError: see `made_of` and `rows_added`; a worker has other versions or files.
     """
-    wanted, before = {**made_of(tasks), **(more or {})}, len(workers.deaths)
+    wanted, before = {**made_of(worlds), **(more or {})}, len(workers.deaths)
     with rows_added(path, wanted) as (done, add):
-        left = [task for task in tasks if task.key not in done]
-        there = len(tasks) - len(left)
-        with progress(name, len(tasks), there, Console(stderr=True)) as report:
+        left = [world for world in worlds if world.key not in done]
+        there = len(worlds) - len(left)
+        with progress(name, len(worlds), there, Console(stderr=True)) as report:
             if left:
                 prepare()  # here, before workers that start together all begin to
-            for now, (task, result) in enumerate(workers.run(run_on_worker, wanted, left), there + 1):
-                add(failed(*task, "crashed", result.reason) if isinstance(result, Died) else result)
+            for now, (world, row) in enumerate(workers.run(run_on_worker, wanted, left), there + 1):
+                add(row_of(world, "crashed", row.reason, {}) if isinstance(row, Died) else row)
                 died = len(workers.deaths) - before
                 report(now, f"{died} workers died" if died else "")
-    keys = {task.key for task in tasks}
-    deaths = [f"a worker died and its run was tried again: {task.name}, {why}" for task, why in workers.deaths[before:]]
+    keys = {world.key for world in worlds}
+    deaths = [
+        f"a worker died and its run was tried again: {in_words(world.key)}, {why}"
+        for world, why in workers.deaths[before:]
+    ]
     return Done([row for row in read_rows(path) if key_of(row) in keys], there, deaths)
 
 
-def tasks_of(worlds: Sequence[World], laws: Sequence[str]) -> list[Task]:
-    """Return the runs, each once; all laws of a world one after the other."""
-    return list(dict.fromkeys(Task(world, law) for world in worlds for law in laws))
+def in_words(key: Key) -> str:
+    """Return a key in words, without the digest."""
+    return " ".join(filter(None, key[:-1]))
+
+
+def under_laws(worlds: Sequence[World], laws: Sequence[str]) -> list[World]:
+    """Return each world once under each law; all laws of a world one after the other."""
+    return list(dict.fromkeys(replace(world, law=law) for world in worlds for law in laws))
 
 
 def run_study(
-    tasks: Sequence[Task], out: Path, engine: EngineName, jobs: int, more: Mapping[str, str] | None = None
+    worlds: Sequence[World], out: Path, engine: EngineName, jobs: int, more: Mapping[str, str] | None = None
 ) -> Done:
     """Make the runs that a folder does not have yet, and show all that were asked for; see `fill`."""
     with open_engine(engine, jobs) as workers:
-        done = fill(out / FILE, out.name, tasks, workers, more)
+        done = fill(out / FILE, out.name, worlds, workers, more)
     show(done.rows, out)
     return done
 
@@ -149,8 +158,4 @@ def show(rows: Sequence[Row], out: Path) -> None:
 
 def bad_ones(rows: Sequence[Row]) -> list[str]:
     """Return a line on every run that did not end well."""
-    return [
-        f"{' '.join(filter(None, key_of(row)[:-1]))}: {row['outcome']}, {row['reason']}"
-        for row in rows
-        if row["outcome"] != "ok"
-    ]
+    return [f"{in_words(key_of(row))}: {row['outcome']}, {row['reason']}" for row in rows if row["outcome"] != "ok"]

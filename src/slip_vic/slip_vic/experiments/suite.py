@@ -15,8 +15,8 @@ import numpy as np
 
 from slip_core.errors import InputError
 from slip_vic.experiments.law import KNOWN, FoundLaw
-from slip_vic.experiments.rows import FILE, Row, Task, digest_of, joined, key_of, read_json, read_rows, row_of
-from slip_vic.experiments.run import run
+from slip_vic.experiments.rows import FILE, digest_of, joined, key_of, read_json, read_rows
+from slip_vic.experiments.run import Row, run
 from slip_vic.experiments.world import Track, World, frozen_worlds
 from slip_vic.run.prepare import prepare
 from slip_vic.run.versions import versions
@@ -110,14 +110,12 @@ def verify_result(folder: Path, given: str = "") -> tuple[int, list[str]]:
             fix="read the code, then name it: --law LAW",
         )  # fmt: skip
     prepare()
-    known = {
-        Task(world, law).key: world
-        for track in TRACKS for arms, count in COUNTS.items() for world in worlds(track, arms, count)
-    }  # fmt: skip
+    every = [world for track in TRACKS for arms, count in COUNTS.items() for world in worlds(track, arms, count)]
+    known = {replace(world, law=law).key: replace(world, law=given or law) for world in every}
     drawn = np.random.default_rng(int(digest_of(rows), 16)).permutation(len(rows))[:SAMPLE]
     wrong = []
     for row in (rows[k] for k in sorted(drawn)):
         world = known.get(key_of(row))
-        if world is None or row_of(run(world, given or law)._replace(law=law)) != row:
+        if world is None or run(world) | {"law": law} != row:
             wrong.append(f"{' '.join(key_of(row))} differs")
     return len(drawn), wrong

@@ -19,8 +19,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from slip_core.arrays import Array
-from slip_vic.experiments.rows import Row
-from slip_vic.experiments.run import kind_of
+from slip_vic.experiments.run import CARRIED, Row, kind_of
 from slip_vic.experiments.statistics import clopper_pearson
 
 GROUPS: Final = ("scenario", "track", "arms", "drive", "mismatch", "sensor")
@@ -37,19 +36,11 @@ OUTCOMES: Final = {
     "arrived": "#2a7f62", "late": "#9ccfb8", "short": "#e9c46a", "held": "#8c8c8c", "refused": "#4f4f4f",
     "lost": "#c8553d",
 }  # fmt: skip
-"""What becomes of a world, with its colour in the picture. late: carried to the goal, but not within its tolerance."""
+"""What becomes of a world, with its colour in the picture."""
 BASE: Final = "classical"
 """Law that others are compared with in equal worlds."""
 NOTHING: Final = 1e-6
 """What the table shows as 0."""
-
-
-def outcome_of(row: Row) -> str:
-    """Return which of `OUTCOMES` a row is."""
-    kind = kind_of(row)
-    if kind != "kept":
-        return kind
-    return "arrived" if math.isfinite(float(row["arrival_s"])) else "late"
 
 
 def grouped(rows: Sequence[Row]) -> dict[tuple[str, ...], list[Row]]:
@@ -69,8 +60,7 @@ def lines_of(rows: Sequence[Row]) -> Iterator[dict[str, str]]:
     """Yield the cells of each line of the table by their column."""
     base = {_world(row): row for row in rows if row["law"] == BASE}
     for key, group in grouped(rows).items():
-        found = [outcome_of(row) for row in group]
-        count = found.count
+        count = [kind_of(row) for row in group].count
         line = dict(zip(_columns(rows), key, strict=True))
         line |= {"carried": f"{count('arrived') + count('late')}/{len(group)}", "lost": _lost(group)}
         line |= {name: str(count(name)) for name in ("short", "late", "held", "refused")}
@@ -95,7 +85,7 @@ def _lost(group: Sequence[Row]) -> str:
 def values_of(rows: Sequence[Row], metric: str) -> Array:
     """Return a metric of some rows; infinite where the object is not carried, or where there is no number."""
     values = np.array([float(row[metric]) for row in rows])
-    carried = np.array([kind_of(row) == "kept" for row in rows])
+    carried = np.array([kind_of(row) in CARRIED for row in rows])
     return np.where(np.isfinite(values) & (carried | metric.startswith("squeeze")), values, math.inf)
 
 
@@ -140,7 +130,7 @@ def write_picture(path: Path, rows: Sequence[Row]) -> None:
         1, 3, sharey=True, figsize=(14.0, 2.0 + 0.35 * len(groups)), constrained_layout=True
     )
     for k, group in enumerate(groups.values()):
-        left, found = 0, [outcome_of(row) for row in group]
+        left, found = 0, [kind_of(row) for row in group]
         for outcome, colour in OUTCOMES.items():
             bars.barh(k, found.count(outcome), left=left, color=colour)
             left += found.count(outcome)

@@ -19,7 +19,8 @@ from slip_core.errors import SlipVicError
 from slip_core.params import flatten
 from slip_vic.experiments.check import gains
 from slip_vic.experiments.engines import EngineName, open_engine
-from slip_vic.experiments.rows import FILE, Row, Task
+from slip_vic.experiments.rows import FILE
+from slip_vic.experiments.run import Row
 from slip_vic.experiments.runner import fill
 from slip_vic.experiments.world import World, combined
 from slip_vic.scenarios.scenario import NODES, Scenario, ros_parameter_file
@@ -27,6 +28,7 @@ from slip_vic_controller.law.gains import gain_report
 
 EFFORT_RATE: Final = 1.2
 LATER_S: Final = 0.3
+BOUNDED: Final = ("effort_rate_rms_n_m_s", "arrival_s")
 """What less slip may cost against the default: a factor on the largest effort rate, and how much later the latest
 arrival is [s]."""
 DECADE: Final = 10.0
@@ -63,38 +65,39 @@ def assignments(values: Values) -> tuple[str, ...]:
     return tuple(f"controller.{name}={value!r}" for name, value in values.items())
 
 
-def tried(worlds: Sequence[World], law: str, name: str, values: Values) -> list[Task]:
-    """Return the runs of worlds with these parameters, as a set of this name."""
+def tried(worlds: Sequence[World], law: str, name: str, values: Values) -> list[World]:
+    """Return worlds with these parameters under a law, as a set of this name."""
     more = assignments(values)
-    return [Task(replace(world, set=name, settings=(*world.settings, *more)), law) for world in worlds]
+    return [replace(world, set=name, settings=(*world.settings, *more), law=law) for world in worlds]
 
 
 def worst_mm(rows: Sequence[Row]) -> float:
     """Return the worst slip of some runs at their end [mm], turning by `LEVER_M`; infinite where one is not ok."""
     slips = [math.hypot(float(row["slip_linear_m"]), LEVER_M * float(row["slip_angular_rad"])) for row in rows]
-    return max(1e3 * slip if row["outcome"] == "ok" else math.inf for row, slip in zip(rows, slips, strict=True))
+    kept = (1e3 * slip if row["outcome"] == "ok" else math.inf for row, slip in zip(rows, slips, strict=True))
+    return max(kept, default=0.0)
 
 
 def cost(rows: Sequence[Row], defaults: Sequence[Row]) -> float:
-    """Return what the search makes small [mm]: the worst slip; beyond the bounds never less than the default's.
+    """Return what the search makes small [mm]: the worst slip, and a metre for each run not ok or beyond the bounds.
 
     defaults: the rows of the same worlds with the default parameters.
     """
-    good, known = ([row for row in some if row["outcome"] == "ok"] for some in (rows, defaults))
-    excess = float(len(rows) - len(good))
-    if good and known:
-        rate, arrival = "effort_rate_rms_n_m_s", "arrival_s"
-        for metric, bound in ((rate, EFFORT_RATE * _most(known, rate)), (arrival, _most(known, arrival) + LATER_S)):
-            if math.isfinite(bound):
-                excess += max(0.0, min(_most(good, metric) / bound, 2.0) - 1.0)
-    if excess == 0.0:
-        return worst_mm(rows)
-    return max([worst_mm([row]) for row in (*good, *known)], default=1.0) * (1.0 + excess)
+    known = [row for row in defaults if row["outcome"] == "ok"]
+    rate, arrival = (max((_number(row, name) for row in known), default=math.inf) for name in BOUNDED)
+    good = [
+        row
+        for row in rows
+        if row["outcome"] == "ok"
+        and _number(row, BOUNDED[0]) <= EFFORT_RATE * rate
+        and _number(row, BOUNDED[1]) <= arrival + LATER_S
+    ]
+    return worst_mm(good) + 1e3 * (len(rows) - len(good))
 
 
-def _most(rows: Sequence[Row], metric: str) -> float:
-    """Return the largest number of some rows; infinite where one has none, as where it does not arrive."""
-    return max(math.inf if math.isnan(value := float(row[metric])) else value for row in rows)
+def _number(row: Row, metric: str) -> float:
+    """Return a number of a row; infinite where it has none, as where it does not arrive."""
+    return math.inf if math.isnan(value := float(row[metric])) else value
 
 
 def search(

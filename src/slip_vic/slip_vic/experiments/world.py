@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib import resources
 from typing import Any, Final, Literal, NamedTuple
 
@@ -35,6 +35,11 @@ OWN_LAWS: Final[Mapping[str, OwnLaw]] = {
 }
 """Laws of the controller by their names. ``?parameter=value`` behind one changes a parameter of the controller,
 ``vic?slip_estimator=measured``."""
+KEY: Final = (
+    "set", "world", "law", "scenario", "sensor", "drive", "motion", "mismatch", "seed", "arms", "track", "digest",
+)  # fmt: skip
+"""Columns of a row that name its run; world: the number in its set."""
+Key = tuple[str, ...]
 SHARE: Final = 0.2
 """Relative error of a mismatch."""
 NO_MISMATCH: Final = "none"
@@ -46,12 +51,12 @@ MISMATCHES: Final = (
 
 @dataclass(frozen=True, slots=True)
 class World:
-    """One world. Equal worlds give equal rows under the same law.
+    """One world, and the law that runs in it. Equal ones give equal rows.
 
     set, number: the set it belongs to and its number there; scenario, sensor: names or files; seed: of the sensors'
     noise; settings: assignments to parameters of both nodes, in their order; arms: how many hold the object; track: see
-    `Track`; frozen: the digest that a set was published with. For tables alone, because `settings` has what they do:
-    motion, drive, mismatch.
+    `Track`; frozen: the digest that a set was published with; law: a name, `module:Class` or `file.py:Class`. For
+    tables alone, because `settings` has what they do: motion, drive, mismatch.
     """
 
     scenario: str
@@ -66,10 +71,17 @@ class World:
     mismatch: str = NO_MISMATCH
     track: Track = ""
     frozen: str = ""
+    law: str = ""
+
+    @property
+    def key(self) -> Key:
+        """The leading cells of its row."""
+        cells = asdict(self) | {"world": self.number, "digest": self.digest}
+        return tuple(str(cells[name]) for name in KEY)
 
     @property
     def digest(self) -> str:
-        """Digest of everything that a run depends on; of a published set the one that it was published with."""
+        """Digest of everything that makes the world; of a published set the one that it was published with."""
         parts = (self.scenario, self.sensor, str(self.seed), *self.settings)
         return self.frozen or digest(part.encode() for part in parts)
 
