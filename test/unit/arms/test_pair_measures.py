@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from slip_sim_bridge.internal import internal_wrenches
-from slip_vic.page.runs import drawn
+from slip_vic.page.runs import tip_of
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.arm.robot import Robot
 
@@ -38,6 +38,6 @@ def test_run_has_both_arms(tmp_path: Path) -> None:
     assert "vic left" in text
     assert "vic right" in text
     data = run.track.data()
-    for arm, own in zip(drawn(data, "vic", np.array([0.0])).arms, data.arms, strict=True):
-        tip = Robot(arm.urdf, arm.tip, arm.joint_names).frame(arm.joints[0])[0]  # on its base
-        np.testing.assert_allclose(tip, own.law_six("position")[0, :3], atol=1e-9)
+    for arm in data.arms:
+        tip = Robot(arm.urdf, tip_of(arm), arm.joint_names).frame(arm.channel("joints").rows[0])[0]  # on its base
+        np.testing.assert_allclose(tip, arm.law_six("position")[0, :3], atol=1e-9)

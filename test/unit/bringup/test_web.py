@@ -19,7 +19,7 @@ from slip_vic.page import require_page, scripts
 from slip_vic.page.packing import ARRAY, Packer, compressed
 from slip_vic.page.page import make_page, summaries
 from slip_vic.page.plots import plot_series
-from slip_vic.page.runs import drawn, grid
+from slip_vic.page.runs import grid, on_grid, series_of
 from slip_vic.page.urdf import links_of
 from slip_vic.run.data import ArmData, Channel, read_data
 from slip_vic.run.metrics import load_ratio, summarise
@@ -116,23 +116,23 @@ def test_load_ratio_is_one_where_friction_gives_way() -> None:
 def test_a_run_is_read_on_the_grid() -> None:
     bag = BAGS / "paper_planar_vic"
     data = read_data(bag)
-    (arm,) = drawn(data, "vic", grid(data.duration_s)).arms
+    (arm,) = on_grid(data, grid(data.duration_s)).arms
+    values = series_of(arm)
     numbers = summarise(data.arm(""))
-    assert arm.values["slip_mm"][-1] == pytest.approx(1e3 * numbers["slip_linear_m"], abs=1e-9)
-    assert np.nanmax(arm.values["slip_mm"]) <= 1e3 * numbers["slip_linear_peak_m"]
-    assert np.isfinite(arm.joints).all()
-    assert arm.tip == "ee"
+    assert values["slip_mm"][-1] == pytest.approx(1e3 * numbers["slip_linear_m"], abs=1e-9)
+    assert np.nanmax(values["slip_mm"]) <= 1e3 * numbers["slip_linear_peak_m"]
+    assert np.isfinite(arm.channel("joints").rows).all()
     assert arm.modes[0][1].startswith("ACTIVE")
 
 
 def test_two_arms_are_two_arms_of_one_run(tmp_path: Path) -> None:
     two_arms(BAGS / "paper_planar_vic", tmp_path / "bag")
-    run = drawn(read_data(tmp_path / "bag"), "pair", grid(1.0))
+    run = on_grid(read_data(tmp_path / "bag"), grid(1.0))
     assert [arm.name for arm in run.arms] == ["left", "right"]
     assert run.object_pose is not None
-    (_, (slip,)), *_ = plot_series([run])
-    assert [(number, place) for number, place, _ in slip.rows] == [(0, 0), (0, 1)]
-    assert np.isfinite(slip.rows[1][2]).all()
+    (_, slip), *_ = plot_series([run])
+    assert [(number, place) for number, place, _ in slip] == [(0, 0), (0, 1)]
+    assert np.isfinite(slip[1][2]).all()
     assert list(summaries({"pair": read_data(tmp_path / "bag")})) == ["pair left", "pair right"]
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
@@ -19,13 +19,12 @@ from rclpy.parameter import parameter_value_to_python
 from slip_core.stamps import stamp_to_ns
 from slip_msgs_py.messages.from_msgs import vector6
 from slip_msgs_py.qos import profile
-from slip_sim_bridge.params import BridgeParams
 from slip_vic.page.audience import Audience
 from slip_vic.page.packing import Packer
 from slip_vic.page.plots import describe_plots, plot_series
-from slip_vic.page.runs import NO_PATH, Arm, Run, arm_of, describe
+from slip_vic.page.runs import describe, object_size, series_of, tip_of
 from slip_vic.page.urdf import box_of
-from slip_vic.run.data import ArmData, Channel
+from slip_vic.run.data import ArmData, Channel, RunData
 from slip_vic.run.peer import Asker, Listener
 
 MODE: Final = "controller/mode"
@@ -38,6 +37,7 @@ FRAME_S: Final = 0.1
 ASK_S: Final = 2.0
 SILENT_S: Final = 2.0
 """So long without joint states the page reports that nothing arrives."""
+NOW: Final = np.zeros(1)
 SILENCE: Final = "No joint states arrive: the run has ended, or is paused. What was received stays."
 
 
@@ -131,27 +131,27 @@ class Watcher:
             self.arms.append(WatchedArm(name, topics, ask_parameters(self._asker, f"{prefix}/{NODE}")))
             self.model = None  # the next frame makes another one
 
-    def _begin(self, run: Run) -> None:
+    def _begin(self, run: RunData) -> None:
         """Make the model that says what stands in a frame; topics that appear later lead to another one."""
         packer = Packer()
-        described, _ = describe(run, packer)
+        described, _ = describe(self._wanted or "live", run, packer)
         plots = describe_plots([run], packer, empty=True)
         self.model = packer.pack({"time": packer.add(np.zeros(1)), "runs": [described], "plots": plots})
 
-    def _run(self, arms: Sequence[WatchedArm]) -> Run:
-        pose, size = None, BridgeParams().display.object_size
+    def _run(self, arms: Sequence[WatchedArm]) -> RunData:
+        pose, bridge = None, dict[str, Any]()
         for arm in arms:
             newest, text = arm.topics["object_state"].newest, arm.text("object_description")
             if newest is not None:
                 at, turned = newest.pose.pose.position, newest.pose.pose.orientation
-                pose = np.array([[at.x, at.y, at.z, turned.x, turned.y, turned.z, turned.w]])
-                size = box_of(text) if text is not None else size
+                pose = Channel(NOW, np.array([[at.x, at.y, at.z, turned.x, turned.y, turned.z, turned.w]]))
+                if text is not None:
+                    bridge["display.object_size"] = box_of(text)
                 break
-        label = self._wanted or "live"
-        return Run(label, tuple(map(arm_now, arms)), pose, size)
+        return RunData(tuple(map(arm_now, arms)), pose, bridge, {}, {})
 
 
-def arm_now(watched: WatchedArm) -> Arm:
+def arm_now(watched: WatchedArm) -> ArmData:
     """Return what the page shows of an arm, for one instant."""
     newest = {name: topic.newest for name, topic in watched.topics.items()}
     states, truth, scalars = newest["joint_states"], newest["slip_truth"], newest["controller/scalars"]
@@ -167,32 +167,30 @@ def arm_now(watched: WatchedArm) -> Arm:
     }
     if scalars is not None:
         rows["law"] = np.array([scalars.position])
-    now = np.zeros(1)
-    data = ArmData(
+    return ArmData(
         watched.name,
         watched.text("robot_description") or "",
         names,
         watched.parameters,
-        {name: Channel(now, values) for name, values in rows.items()},
+        {name: Channel(NOW, values) for name, values in rows.items()},
         tuple(symbols),
         () if mode is None else ((0.0, mode),),
     )
-    return replace(arm_of(data, now), planned=NO_PATH)
 
 
-def description(run: Run) -> tuple[object, ...]:
+def description(run: RunData) -> tuple[object, ...]:
     """Return what a model is made of: one with the same describes the frames of another run too."""
-    arms = ((arm.name, arm.urdf, arm.tip, arm.joint_names, tuple(arm.values)) for arm in run.arms)
-    return (run.object_pose is not None, run.object_size, *arms)
+    arms = ((arm.name, arm.urdf, tip_of(arm), arm.joint_names, *series_of(arm)) for arm in run.arms)
+    return (run.object_pose is not None, object_size(run), *arms)
 
 
-def frame(time_s: float, run: Run) -> bytes:
+def frame(time_s: float, run: RunData) -> bytes:
     """Return one instant as float32: time, per arm joints and slip velocity, the object's pose, every series."""
     parts = [np.array([time_s])]
     for arm in run.arms:
-        parts += [arm.joints.ravel(), arm.slip_velocity.ravel()]
-    parts += [] if run.object_pose is None else [run.object_pose.ravel()]
-    parts += [values for _, variants in plot_series([run]) for variant in variants for _, _, values in variant.rows]
+        parts += [arm.channel("joints").rows.ravel(), arm.channel("slip_velocity").rows.ravel()]
+    parts += [] if run.object_pose is None else [run.object_pose.rows.ravel()]
+    parts += [values for _, rows in plot_series([run]) for _, _, values in rows]
     return np.concatenate(parts).astype("<f4").tobytes()
 
 

@@ -14,7 +14,7 @@ import pandas as pd
 
 from slip_vic.page.packing import Packer, compressed
 from slip_vic.page.plots import describe_plots
-from slip_vic.page.runs import Run, colours, describe, drawn, grid
+from slip_vic.page.runs import colours, describe, grid, on_grid
 from slip_vic.page.scripts import read_static, three, uplot
 from slip_vic.run.data import FACTS, RunData
 from slip_vic.run.metrics import summarise, summary_rows
@@ -69,14 +69,14 @@ def make_page(
 ) -> str:
     """Return the page of some runs, given by label."""
     times = grid(max(run.duration_s for run in runs.values()))
-    shown: list[Run] = [drawn(run, label, times, ends.get(label, "")) for label, run in runs.items()]
+    shown = {label: on_grid(run, times, ends.get(label, "")) for label, run in runs.items()}
     packer = Packer()
     described, missing = [], []
-    for run, colour in zip(shown, colours(list(runs)), strict=True):
-        made, lacking = describe(run, packer, colour)
+    for (label, run), colour in zip(shown.items(), colours(list(runs)), strict=True):
+        made, lacking = describe(label, run, packer, colour)
         described.append(made)
         missing += lacking
-    header = {"time": packer.add(times), "runs": described, "plots": describe_plots(shown, packer)}
+    header = {"time": packer.add(times), "runs": described, "plots": describe_plots([*shown.values()], packer)}
     facts = {
         "command": command,
         **{

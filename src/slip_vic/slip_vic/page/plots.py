@@ -9,7 +9,8 @@ import numpy as np
 
 from slip_core.arrays import Array
 from slip_vic.page.packing import Packer
-from slip_vic.page.runs import MODES, Arm, Run
+from slip_vic.page.runs import MODES, series_of
+from slip_vic.run.data import RunData
 
 
 class Plot(NamedTuple):
@@ -35,57 +36,28 @@ PLOTS: Final = (
     Plot("stiffness", "stiffness, softest axis", "N/m"),
     Plot("stiffness_turning", "stiffness, softest rotation", "N m/rad"),
     Plot("gate", "gate", "", note="tanh(alpha |v_s|): 0 = sticks, 1 = the law gives way to the object"),
+    Plot("effort", "effort, most loaded joint", "% of limit"),
     Plot("mode", "mode", "", steps=MODES),
 )
-EFFORT: Final = "effort"
 
 
-class Variant(NamedTuple):
-    """What a plot shows: its label and unit, and per arm the number of run and arm with the values (N,)."""
-
-    label: str
-    unit: str
-    rows: tuple[tuple[int, int, Array], ...]
-
-
-def plot_series(runs: Sequence[Run]) -> list[tuple[Plot, list[Variant]]]:
-    """Return all plots of some runs with what they show, in the order of the page."""
-    arms = [(number, place, arm) for number, run in enumerate(runs) for place, arm in enumerate(run.arms)]
-    found = []
-    for plot in PLOTS:
-        rows = tuple((number, place, arm.values[plot.name]) for number, place, arm in arms if plot.name in arm.values)
-        if rows:
-            found.append((plot, [Variant("", plot.unit, rows)]))
-    share = Variant("most loaded joint", "% of limit", tuple((n, p, _share(arm)) for n, p, arm in arms))
-    joints = [
-        Variant(arms[0][2].joint_names[joint], "N m", tuple((n, p, arm.efforts[:, joint]) for n, p, arm in arms))
-        for joint in range(min(arm.efforts.shape[1] for _, _, arm in arms))
-    ]
-    found.insert(max(0, len(found) - 1), (Plot(EFFORT, "joint effort", ""), [share, *joints]))
-    return found
+def plot_series(runs: Sequence[RunData]) -> list[tuple[Plot, list[tuple[int, int, Array]]]]:
+    """Return all plots of some runs on the grid, in the order of the page; of each arm its run's and its own number."""
+    arms = [(number, place, series_of(arm)) for number, run in enumerate(runs) for place, arm in enumerate(run.arms)]
+    shown = [(plot, [(n, place, own[plot.name]) for n, place, own in arms if plot.name in own]) for plot in PLOTS]
+    return [(plot, rows) for plot, rows in shown if rows]
 
 
-def describe_plots(runs: Sequence[Run], packer: Packer, *, empty: bool = False) -> list[dict[str, Any]]:
+def describe_plots(runs: Sequence[RunData], packer: Packer, *, empty: bool = False) -> list[dict[str, Any]]:
     """Return the plots that have anything to show, or all, as the page's script reads them.
 
-    A plot: name, title, unit, mark, steps, note, variants; a variant: label, unit and one series per arm with the
-    number of its run and arm.
+    A plot: name, title, unit, mark, steps, note, and one series per arm with the number of its run and arm.
     """
-    found = []
-    for plot, variants in plot_series(runs):
-        if empty or any(np.isfinite(values).any() for variant in variants for _, _, values in variant.rows):
-            shown = [
-                {
-                    "label": label,
-                    "unit": unit,
-                    "series": [{"run": n, "arm": place, "values": packer.add(values)} for n, place, values in rows],
-                }
-                for label, unit, rows in variants
-            ]
-            found.append({**plot._asdict(), "variants": shown})
-    return found
-
-
-def _share(arm: Arm) -> Array:
-    limits = np.array([limit or np.inf for limit in arm.effort_limits])
-    return np.max(100.0 * np.abs(arm.efforts) / limits, axis=1)
+    return [
+        {
+            **plot._asdict(),
+            "series": [{"run": n, "arm": place, "values": packer.add(values)} for n, place, values in rows],
+        }
+        for plot, rows in plot_series(runs)
+        if empty or any(np.isfinite(values).any() for _, _, values in rows)
+    ]

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.files.urdf import parse_urdf
-from slip_core.types import AXES
 from slip_sim_bridge.params import BridgeParams
 from slip_vic.page.packing import Packer
 from slip_vic.page.urdf import links_of
@@ -26,38 +25,6 @@ PAD_RADIUS: Final = 0.011
 """[m]; half the width of the fingers of our gripper."""
 PAD_THICKNESS: Final = 0.003
 """[m]"""
-NO_PATH: Final = np.empty((0, 3))
-
-
-@dataclass(frozen=True, slots=True)
-class Arm:
-    """One arm of a run; (N, ...) on the grid.
-
-    name: namespace, "" where there is none. joints (N, n) [rad, m]. tip: link at the pad centre. slip_velocity (N, 6)
-    pad axes. values: series by name, (N,). planned (P, 3) [m] {w}. modes: (from when on [s], text).
-    """
-
-    name: str
-    urdf: str
-    tip: str
-    joint_names: tuple[str, ...]
-    joints: Array
-    slip_velocity: Array
-    planned: Array
-    values: Mapping[str, Array]
-    efforts: Array
-    effort_limits: tuple[float, ...]
-    modes: tuple[tuple[float, str], ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Run:
-    """One run: its arms, the object's pose (N, 7) (position, quaternion xyzw; None where unknown) and size [m]."""
-
-    label: str
-    arms: tuple[Arm, ...]
-    object_pose: Array | None
-    object_size: tuple[float, ...]
 
 
 def grid(duration: float) -> Array:
@@ -65,72 +32,20 @@ def grid(duration: float) -> Array:
     return np.linspace(0.0, duration, min(MOST_FRAMES, max(1, round(duration / STEP_S))) + 1)
 
 
-def drawn(data: RunData, label: str, times: Array, end: str = "") -> Run:
-    """Return what the page shows of a run; `end` says why it did not end well."""
-    pose = None if data.object_pose is None else newest_on_grid(data.object_pose, times)
-    arms = tuple(arm_of(arm, times, end) for arm in data.arms)
-    size = data.bridge.get("display.object_size", BridgeParams().display.object_size)
-    return Run(label, arms, pose, tuple(size))
+def on_grid(run: RunData, times: Array, end: str = "") -> RunData:
+    """Return a run with its rows at these times, NaN for a channel that is drawn and absent.
 
-
-def arm_of(data: ArmData, times: Array, end: str = "") -> Arm:
-    """Return an arm with its series on the grid."""
-    held = {name: newest_on_grid(channel, times) for name, channel in data.channels.items()}
-    nothing = np.full((len(times), max(6, len(data.joint_names))), np.nan)
-    velocity = held.get("slip_velocity", nothing[:, :6])
-    values = {"slip_speed": 1e3 * np.linalg.norm(velocity[:, :3], axis=1)}
-    planned = NO_PATH
-    if "slip" in held:
-        values["slip_mm"] = 1e3 * np.linalg.norm(held["slip"][:, :3], axis=1)
-        values["slip_deg"] = np.degrees(np.linalg.norm(held["slip"][:, 3:], axis=1))
-    if "law" in held:
-        values |= law_values(data.symbols, held["law"])
-        desired = newest_on_grid(Channel(data.channel("law").times, data.law_six("desired")[:, :3]), times)
-        planned = desired[np.isfinite(desired).all(axis=1)]
-    if "wrench" in held:
-        values["load"] = newest_on_grid(Channel(data.channel("wrench").times, load_ratio(data)), times)
-    if "internal" in held:
-        internal = held["internal"]
-        values |= {"internal_n": np.linalg.norm(internal[:, :2], axis=1), "internal_nm": np.abs(internal[:, 5])}
-    ends = [(float(data.channel("joints").times[-1]), end)] if end else []
-    return Arm(
-        data.name,
-        data.urdf,
-        str(data.parameters.get("ee_frame", "ee")),
-        data.joint_names,
-        held["joints"],
-        velocity,
-        planned,
-        values,
-        held.get("effort", nothing[:, : len(data.joint_names)]),
-        effort_limits_of(data.urdf, data.joint_names),
-        (*data.modes, *ends),
-    )
-
-
-def law_values(names: Sequence[str], symbols: Array) -> dict[str, Array]:
-    """Return the series of the law's symbols; names of the columns, (N, k)."""
-
-    def six(name: str) -> Array:
-        return symbols[:, [names.index(f"{name}_{axis}") for axis in AXES]]
-
-    error, stiffness = six("e"), six("K")
-    mode = {"mode": symbols[:, names.index("mode")]} if "mode" in names else {}
-    return mode | {
-        "error_mm": 1e3 * np.linalg.norm(error[:, :3], axis=1),
-        "error_deg": np.degrees(np.linalg.norm(error[:, 3:], axis=1)),
-        "stiffness": stiffness[:, :3].min(axis=1),
-        "stiffness_turning": stiffness[:, 3:].min(axis=1),
-        "gate": symbols[:, names.index("gate")],
-    }
-
-
-@functools.lru_cache
-def effort_limits_of(urdf: str, names: tuple[str, ...]) -> tuple[float, ...]:
-    """Return the efforts of a URDF's joint limits, 0 where there is none [N m]."""
-    limits = {joint.get("name"): joint.find("limit") for joint in parse_urdf(urdf).findall("joint")}
-    found = (limits.get(name) for name in names)
-    return tuple(float(limit.get("effort", 0.0)) if limit is not None else 0.0 for limit in found)
+    end: why it did not end well, which its arms have as their last mode.
+    """
+    pose = None if run.object_pose is None else Channel(times, newest_on_grid(run.object_pose, times))
+    arms = []
+    for arm in run.arms:
+        columns = {"slip_velocity": 6, "effort": len(arm.joint_names)}
+        channels = {name: Channel(times, np.full((len(times), width), np.nan)) for name, width in columns.items()}
+        channels |= {name: Channel(times, newest_on_grid(own, times)) for name, own in arm.channels.items()}
+        ends = ((float(arm.channel("joints").times[-1]), end),) if end else ()
+        arms.append(replace(arm, channels=channels, modes=(*arm.modes, *ends)))
+    return replace(run, arms=tuple(arms), object_pose=pose)
 
 
 def newest_on_grid(channel: Channel, times: Array) -> Array:
@@ -143,6 +58,42 @@ def newest_on_grid(channel: Channel, times: Array) -> Array:
     return found
 
 
+def series_of(arm: ArmData) -> dict[str, Array]:
+    """Return the series of an arm on the grid by their names; (N,) each."""
+    rows = {name: channel.rows for name, channel in arm.channels.items()}
+    limits = effort_limits_of(arm.urdf, arm.joint_names)
+    values = {
+        "slip_speed": 1e3 * np.linalg.norm(rows["slip_velocity"][:, :3], axis=1),
+        "effort": np.max(100.0 * np.abs(rows["effort"]) / limits, axis=1),
+    }
+    if "slip" in rows:
+        values["slip_mm"] = 1e3 * np.linalg.norm(rows["slip"][:, :3], axis=1)
+        values["slip_deg"] = np.degrees(np.linalg.norm(rows["slip"][:, 3:], axis=1))
+    if "law" in rows:
+        error, stiffness = arm.law_six("e"), arm.law_six("K")
+        values |= {name: rows["law"][:, arm.symbols.index(name)] for name in ("gate", "mode") if name in arm.symbols}
+        values |= {
+            "error_mm": 1e3 * np.linalg.norm(error[:, :3], axis=1),
+            "error_deg": np.degrees(np.linalg.norm(error[:, 3:], axis=1)),
+            "stiffness": stiffness[:, :3].min(axis=1),
+            "stiffness_turning": stiffness[:, 3:].min(axis=1),
+        }
+    if "wrench" in rows:
+        values["load"] = load_ratio(arm)
+    if "internal" in rows:
+        values["internal_n"] = np.linalg.norm(rows["internal"][:, :2], axis=1)
+        values["internal_nm"] = np.abs(rows["internal"][:, 5])
+    return values
+
+
+@functools.lru_cache
+def effort_limits_of(urdf: str, names: tuple[str, ...]) -> Array:
+    """Return the efforts of a URDF's joint limits, infinite where there is none; (n,) [N m]."""
+    limits = {joint.get("name"): joint.find("limit") for joint in parse_urdf(urdf).findall("joint")}
+    found = (limits.get(name) for name in names)
+    return np.array([float(limit.get("effort", 0.0)) or np.inf if limit is not None else np.inf for limit in found])
+
+
 COLOURS: Final = {"classical": 0, "vic": 1, "governed": 2}
 
 
@@ -153,30 +104,41 @@ def colours(labels: Sequence[str]) -> list[int]:
     return [COLOURS[label] for label in labels] if set(labels) <= set(COLOURS) else [k % 6 for k in range(len(labels))]
 
 
-def describe(run: Run, packer: Packer, colour: int = 1) -> tuple[dict[str, Any], list[str]]:
-    """Return a run as the page's script reads it, and what could not be drawn."""
+def tip_of(arm: ArmData) -> str:
+    """Return the link at the pad centre."""
+    return str(arm.parameters.get("ee_frame", "ee"))
+
+
+def object_size(run: RunData) -> list[float]:
+    """Return the edges of the box that is drawn for the object [m]."""
+    return list(run.bridge.get("display.object_size", BridgeParams().display.object_size))
+
+
+def describe(label: str, run: RunData, packer: Packer, colour: int = 1) -> tuple[dict[str, Any], list[str]]:
+    """Return a run on the grid as the page's script reads it, and what could not be drawn."""
     missing: list[str] = []
     arms = []
     for arm in run.arms:
         links, lacking = links_of(arm.urdf, packer)
         missing += lacking
+        desired = arm.law_six("desired")[:, :3] if "law" in arm.channels else np.empty((0, 3))
         arms.append(
             {
                 "name": arm.name,
                 "links": links,
-                "tip": arm.tip,
+                "tip": tip_of(arm),
                 "joints": list(arm.joint_names),
-                "q": packer.add(arm.joints),
-                "slip": packer.add(arm.slip_velocity),
-                "planned": packer.add(arm.planned),
+                "q": packer.add(arm.channel("joints").rows),
+                "slip": packer.add(arm.channel("slip_velocity").rows),
+                "planned": packer.add(desired[np.isfinite(desired).all(axis=1)]),
                 "modes": [list(change) for change in arm.modes],
             }
         )
     thing = None
     if run.object_pose is not None:
-        thing = {"size": list(run.object_size), "pose": packer.add(run.object_pose)}
+        thing = {"size": object_size(run), "pose": packer.add(run.object_pose.rows)}
     return {
-        "label": run.label,
+        "label": label,
         "colour": colour,
         "arms": arms,
         "object": thing,

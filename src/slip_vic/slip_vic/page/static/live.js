@@ -44,7 +44,7 @@ class Live {
       for (const arm of run.arms) { roomy(arm, "q"); roomy(arm, "slip"); }
       if (run.object) roomy(run.object, "pose");
     }
-    for (const plot of model.plots) for (const variant of plot.variants) for (const series of variant.series) roomy(series, "values");
+    for (const plot of model.plots) for (const series of plot.series) roomy(series, "values");
     model.count = 1;
     this.page = build(model);
     window.slipPage = this.page;

@@ -10,7 +10,7 @@ function problem(text) {
 
 function seriesOf(model, name, run, arm) {
   const plot = model.plots.find((found) => found.name === name);
-  return plot?.variants[0].series.find((series) => series.run === run && series.arm === arm)?.values;
+  return plot?.series.find((series) => series.run === run && series.arm === arm)?.values;
 }
 
 function runCard(model, run, number) {

@@ -40,24 +40,16 @@ class Plots {
     card.querySelector(".note").textContent = plot.note;
     card.querySelector(".note").hidden = !plot.note;
     place.append(card);
-    const own = { plot, card, chart: card.querySelector(".chart"), variant: 0 };
-    if (plot.variants.length > 1) {
-      const select = document.createElement("select");
-      select.setAttribute("aria-label", `which ${plot.title}`);
-      plot.variants.forEach((variant, i) => select.add(new Option(variant.label, i)));
-      select.addEventListener("change", () => { own.variant = +select.value; this.build(own); this.values(own); });
-      card.querySelector("h3").append(select);
-    }
+    const own = { plot, card, chart: card.querySelector(".chart") };
     this.build(own);
     return own;
   }
 
   build(own) {
-    const { plot, card, chart } = own, variant = plot.variants[own.variant], model = this.model;
-    own.u?.destroy();
-    card.querySelector(".unit").textContent = variant.unit ? `[${variant.unit}]` : "";
+    const { plot, card, chart } = own, model = this.model;
+    card.querySelector(".unit").textContent = plot.unit ? `[${plot.unit}]` : "";
     const values = card.querySelector(".values");
-    values.replaceChildren(...variant.series.map((series) => {
+    values.replaceChildren(...plot.series.map((series) => {
       const text = document.createElement("span");
       text.style.setProperty("--colour", `var(--run-${model.runs[series.run].colour})`);
       text.style.setProperty("--dash", series.arm ? "dashed" : "solid");
@@ -75,7 +67,7 @@ class Plots {
         { ...axis, size: 26, values: (u, ticks) => ticks.map((t) => `${+t.toFixed(3)} s`) },
         { ...axis, size: plot.steps.length ? 96 : 52, splits: plot.steps.length ? () => plot.steps.map((_, i) => i) : undefined, values: plot.steps.length ? () => plot.steps : (u, ticks) => ticks.map((t) => `${+t.toPrecision(4)}`) },
       ],
-      series: [{}, ...variant.series.map((series) => ({ stroke: () => runColour(model.runs[series.run]), width: 1.8, gaps: unwatched, dash: series.arm ? [6, 4] : undefined, points: { show: false }, paths: plot.steps.length ? uPlot.paths.stepped({ align: 1 }) : undefined }))],
+      series: [{}, ...plot.series.map((series) => ({ stroke: () => runColour(model.runs[series.run]), width: 1.8, gaps: unwatched, dash: series.arm ? [6, 4] : undefined, points: { show: false }, paths: plot.steps.length ? uPlot.paths.stepped({ align: 1 }) : undefined }))],
       hooks: {
         ready: [(u) => {
           const line = document.createElement("div");
@@ -92,13 +84,13 @@ class Plots {
         setScale: [(u, key) => { if (key === "x") this.zoom(u); }],
         draw: [(u) => this.mark(u, plot)],
       },
-    }, this.dataOf(variant), chart);
+    }, this.dataOf(plot), chart);
     this.now(own);
   }
 
-  dataOf(variant) {
+  dataOf(plot) {
     const { time, count } = this.model;
-    return [Array.from(time.subarray(0, count)), ...variant.series.map((series) => gaps(series.values, count))];
+    return [Array.from(time.subarray(0, count)), ...plot.series.map((series) => gaps(series.values, count))];
   }
 
   range(plot, low, high) {
@@ -139,8 +131,8 @@ class Plots {
   }
 
   values(own) {
-    const at = this.hover ?? this.frame, { plot } = own, variant = plot.variants[own.variant];
-    variant.series.forEach((series, i) => {
+    const at = this.hover ?? this.frame, { plot } = own;
+    plot.series.forEach((series, i) => {
       const value = series.values[at];
       const text = plot.steps.length && Number.isFinite(value) ? plot.steps[Math.round(value)] : shown(value);
       if (own.numbers[i].textContent !== text) own.numbers[i].textContent = text;
@@ -155,7 +147,7 @@ class Plots {
     this.allValues();
   }
 
-  refresh() { for (const own of this.all) own.u.setData(this.dataOf(own.plot.variants[own.variant])); }
+  refresh() { for (const own of this.all) own.u.setData(this.dataOf(own.plot)); }
 
   repaint() { for (const own of this.all) own.u.redraw(false); }
 

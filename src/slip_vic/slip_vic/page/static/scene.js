@@ -84,7 +84,7 @@ class RunScene {
   }
 
   planned(arm) {
-    const points = arm.planned;
+    const points = arm.planned.length > 3 ? arm.planned : []; // of one instant there is no path
     const dots = [];
     let since = 1;
     for (let i = 0; i + 2 < points.length; i += 3) {
