@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from slip_vic.law import Evaluation, evaluate_law
     from slip_vic.presets import preset_names
     from slip_vic.run.in_process import Tick
-    from slip_vic.run.judge import Verdict
     from slip_vic.run.run import Run
     from slip_vic.scenarios import scenario_names
     from slip_vic.scenarios.scenario import Scenario
@@ -39,7 +38,6 @@ __all__ = [
     "Seen",
     "Setup",
     "Tick",
-    "Verdict",
     "evaluate_law",
     "load",
     "preset_names",
@@ -54,7 +52,6 @@ _MODULES = {
     "slip_vic.law": ("Evaluation", "evaluate_law"),
     "slip_vic.presets": ("preset_names",),
     "slip_vic.run.in_process": ("Tick",),
-    "slip_vic.run.judge": ("Verdict",),
     "slip_vic.run.run": ("Run",),
     "slip_vic.scenarios": ("scenario_names",),
     "slip_vic.scenarios.scenario": ("Scenario",),

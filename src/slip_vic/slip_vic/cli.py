@@ -7,7 +7,7 @@ import os
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,8 +27,8 @@ from slip_vic.retime.cli import retime
 from slip_vic.setup.cli import arm, bringup, identify
 
 if TYPE_CHECKING:
-    from slip_vic.run.judge import Verdict
     from slip_vic.run.launcher import RunResult
+    from slip_vic.run.run import Run
     from slip_vic.scenarios.scenario import Scenario
 
 LONGEST_END_S = 2.0  # after a signal, where nothing has been started
@@ -84,7 +84,7 @@ def run(
             raise InputError("--in-process", got=given, expected="lockstep without DDS: there is nothing to record")
         with Console(stderr=True).status(f"{loaded.name} {loaded.law}"):
             done = loaded.run()
-        for line in summary_lines(done.verdict, done.modes):
+        for line in summary_lines(done):
             click.echo(line)
         if page is not None:
             click.echo(f"page: {done.page(page)}")
@@ -150,12 +150,12 @@ def result_lines(result: RunResult, scenario: Scenario) -> Iterator[str]:
         return
     from slip_vic.run.judge import judge_bag
 
-    yield from summary_lines(*judge_bag(result.bag, scenario, result.incidents))
+    yield from summary_lines(judge_bag(result.bag, scenario, result.incidents))
 
 
-def summary_lines(verdict: Verdict, modes: Mapping[str, Sequence[tuple[float, str]]]) -> Iterator[str]:
+def summary_lines(run: Run) -> Iterator[str]:
     """Yield what is said of a run at its end: a line for each arm, and one for each change of its mode."""
-    for name, numbers in verdict.arms.items():
+    for name, numbers in run.summary.items():
         arrival = numbers["arrival_s"]
         error, arm = 1e3 * numbers["final_error_m"], f"{name}: " if name else ""
         yield (
@@ -163,11 +163,11 @@ def summary_lines(verdict: Verdict, modes: Mapping[str, Sequence[tuple[float, st
             + ("at the end the law was not at work; " if math.isnan(error) else f"final error {error:.3f} mm; ")
             + ("does not arrive" if math.isnan(arrival) else f"arrives after {arrival:.2f} s")
         )
-        changes = modes.get(name, ())
+        changes = run.modes[name]
         if [text for _, text in changes] not in ([], ["ACTIVE"]):
             yield from (f"{arm}from {at:.2f} s {text}" for at, text in changes)
-    if "internal_peak_n" in verdict.together:
-        yield f"internal force at most {verdict.together['internal_peak_n']:.2f} N"
+    if not math.isnan(run.internal_force_n):
+        yield f"internal force at most {run.internal_force_n:.2f} N"
 
 
 @cli.command()

@@ -16,9 +16,10 @@ from slip_bags.reader import Bag
 from slip_vic.replay.run_data import read_run
 from slip_vic.replay.verify import verify_run
 from slip_vic.run.commands import node_command, recorder_command
-from slip_vic.run.judge import Verdict, judge_bag
+from slip_vic.run.judge import judge_bag
 from slip_vic.run.prepare import prepare
 from slip_vic.run.processes import Child
+from slip_vic.run.run import Run
 from slip_vic.scenarios.scenario import Scenario, load_scenario
 from slip_vic_controller.safety.modes import Mode
 from test.support.ros import Processes, call_service, wait_until
@@ -124,7 +125,7 @@ def stop_and_go_on(operator: Operator) -> None:
 
 
 @pytest.fixture
-def recorded(operator: Operator, processes: Processes, tmp_path: Path) -> tuple[Path, Verdict]:
+def recorded(operator: Operator, processes: Processes, tmp_path: Path) -> tuple[Path, Run]:
     """Run both nodes in lockstep with a recorder, while an operator stops them in every way."""
     prepare()
     scenario = load_scenario("pane_two_arms_upright", assignments=(*ASSIGNMENTS, "expected_subscribers=2"))
@@ -134,12 +135,12 @@ def recorded(operator: Operator, processes: Processes, tmp_path: Path) -> tuple[
     stop_and_go_on(operator)
     for child in (bridge, controller, recorder):
         assert processes.stop(child, signal.SIGINT) == 0, child.tail()
-    return bag, judge_bag(bag, scenario)[0]
+    return bag, judge_bag(bag, scenario)
 
 
 @pytest.mark.timeout(600)
 def test_both_arms_stop_together(
-    recorded: tuple[Path, Verdict],
+    recorded: tuple[Path, Run],
 ) -> None:
     path, judged = recorded
     with Bag(path) as bag:
@@ -151,4 +152,4 @@ def test_both_arms_stop_together(
         assert Mode.FAULT not in right.values()
         assert verify_run(read_run(bag, {})).identical
     assert judged.worst("slip_linear_peak_m") < 1e-4
-    assert judged.together["internal_peak_n"] < 0.6  # N: a tenth of what friction of one pad bears
+    assert judged.internal_force_n < 0.6  # N: a tenth of what friction of one pad bears

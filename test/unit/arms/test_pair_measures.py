@@ -37,7 +37,7 @@ def test_run_has_both_arms(tmp_path: Path) -> None:
     text = run.page(tmp_path / "run.html").read_text()
     assert "vic left" in text
     assert "vic right" in text
-    data = run.track.data()
+    data = run.data
     for arm in data.arms:
         tip = Robot(arm.urdf, tip_of(arm), arm.joint_names).frame(arm.channel("joints").rows[0])[0]  # on its base
         np.testing.assert_allclose(tip, arm.law_six("position")[0, :3], atol=1e-9)

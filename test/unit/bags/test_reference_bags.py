@@ -15,7 +15,6 @@ from slip_vic.replay.verify import verify_run
 from slip_vic.run.data import read_data
 from slip_vic.run.in_process import run_in_process
 from slip_vic.run.judge import judge
-from slip_vic.run.track import Track
 from tools.reference_bags import LARGEST_BYTES, REFERENCES, Reference
 
 BAGS = Path(__file__).parents[3] / "bags"
@@ -41,9 +40,7 @@ def test_reference_bag(reference: Reference) -> None:
 def test_the_simulation_does_what_it_did_when_a_reference_bag_was_recorded(reference: Reference) -> None:
     """What physics, drives and sensors do is noticed too; other processors may round otherwise."""
     scenario = reference.load()
-    track = Track(scenario)
-    judge(run_in_process(scenario), track)
-    made, recorded = track.data(), read_data(BAGS / reference.name)
+    made, recorded = judge(run_in_process(scenario), scenario).data, read_data(BAGS / reference.name)
     pairs = []
     for now in made.arms:
         then = recorded.arm(now.name)

@@ -81,7 +81,7 @@ class Driven:
     """A run of a scenario under a law.
 
         driven = Driven(scenario, MyLaw())
-        verdict = judge(driven.ticks(), Track(driven.scenario))
+        run = judge(driven.ticks(), driven.scenario)
 
     Args:
         scenario: its controllers' parameters are those that the law may read.

@@ -15,16 +15,16 @@ from slip_vic.experiments.driven import Driven
 from slip_vic.experiments.law import find_law
 from slip_vic.experiments.world import KEY, OWN_LAWS, World
 from slip_vic.run.in_process import Tick, run_in_process
-from slip_vic.run.judge import Verdict, judge
+from slip_vic.run.judge import judge
 from slip_vic.run.metrics import off_goal_m
-from slip_vic.run.track import Track
+from slip_vic.run.run import Run
 from slip_vic.scenarios.scenario import Scenario
 
-OF_VERDICT: Final = (
+OF_SUMMARY: Final = (
     "slip_linear_m", "slip_angular_rad", "slip_linear_peak_m", "slip_speed_peak_m_s", "tracking_rms_m",
     "final_error_m", "final_error_rad", "attitude_excursion_rad", "effort_rate_rms_n_m_s", "arrival_s",
 )  # fmt: skip
-METRICS: Final = (*OF_VERDICT, "slip_path_m", "slip_path_rad", "off_goal_m", "squeeze_mean_n", "squeeze_peak_n")
+METRICS: Final = (*OF_SUMMARY, "slip_path_m", "slip_path_rad", "off_goal_m", "squeeze_mean_n", "squeeze_peak_n")
 """Numbers of a run, of several arms the worst. Those of `slip_vic.run.metrics.summarise`; slip_path_*: length of the
 way that the pad slides and turns on the object; off_goal_m: how far the pad ends from the end of its path as planned;
 squeeze_*: as commanded."""
@@ -44,7 +44,7 @@ def row_of(world: World, outcome: str, reason: str, metrics: Mapping[str, float]
 
     Args:
         world: which.
-        outcome: as in `slip_vic.run.judge.Outcome`; failed: a foreign law did what a law must not do; stays: the pad
+        outcome: as in `slip_vic.run.run.Outcome`; failed: a foreign law did what a law must not do; stays: the pad
             did not leave the start, which of a closed path is its goal too.
         reason: of the outcome.
         metrics: by their names; one that is missing is NaN.
@@ -89,10 +89,9 @@ class Controlled:
 
 def play(driven: Driven | Controlled) -> tuple[str, str, dict[str, float]]:
     """Run to the end; return outcome, reason and numbers."""
-    track = Track(driven.scenario)
-    verdict = judge(driven.ticks(), track)
-    outcome, reason = ("failed", driven.failure) if driven.failure else (verdict.outcome, verdict.reason)
-    return outcome, reason, metrics_of(verdict, outcome, track, driven)
+    run = judge(driven.ticks(), driven.scenario)
+    outcome, reason = ("failed", driven.failure) if driven.failure else (run.outcome, run.reason)
+    return outcome, reason, metrics_of(run, outcome, driven)
 
 
 def _foreign(world: World) -> Driven:
@@ -106,12 +105,12 @@ def _foreign(world: World) -> Driven:
     return Driven(scenario, found.kind(), most if world.track else None)
 
 
-def metrics_of(verdict: Verdict, outcome: str, track: Track, driven: Driven | Controlled) -> dict[str, float]:
+def metrics_of(run: Run, outcome: str, driven: Driven | Controlled) -> dict[str, float]:
     """Return the numbers that a run has."""
-    if not track.ticks:
+    arms = run.data.arms
+    if not arms:
         return {}
-    found = {name: verdict.worst(name) for name in OF_VERDICT}
-    arms = track.data().arms
+    found = {name: run.worst(name) for name in OF_SUMMARY}
     slips = [arm.channel("slip_velocity") for arm in arms]
     paths = [slip_path(slip.times, slip.rows) for slip in slips]
     found["slip_path_m"], found["slip_path_rad"] = max(path[0] for path in paths), max(path[1] for path in paths)
@@ -119,7 +118,7 @@ def metrics_of(verdict: Verdict, outcome: str, track: Track, driven: Driven | Co
     if outcome in LOST:
         del found["arrival_s"]
     else:
-        pairs = zip(arms, track.scenario.controllers.values(), strict=True)
+        pairs = zip(arms, run.scenario.controllers.values(), strict=True)
         found["off_goal_m"] = max(off_goal_m(one, params) for one, params in pairs)
     return found
 

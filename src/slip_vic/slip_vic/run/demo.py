@@ -7,7 +7,7 @@ import shlex
 import shutil
 import sys
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +19,13 @@ from rich.table import Table
 from slip_core.errors import InputError
 from slip_vic.options import Choice
 from slip_vic.page.page import write_page
-from slip_vic.run.data import RunData, read_data
-from slip_vic.run.judge import Verdict, judge_incidents, measured
+from slip_vic.run.data import RunData
+from slip_vic.run.judge import judge_bag
 from slip_vic.run.launcher import Launcher
 from slip_vic.run.metrics import summary_rows
 from slip_vic.run.prepare import prepare
 from slip_vic.run.progress import run_progress
+from slip_vic.run.run import Run
 from slip_vic.run.versions import versions
 from slip_vic.scenarios.scenario import GOVERNED, Law, Scenario, load_scenario, read_parameters
 
@@ -61,9 +62,11 @@ def run_demo(
         raise InputError(f"output folder {out}", got=error, expected="a folder that can be written") from None
     with kept as folder:
         staging = Path(folder)
-        runs, numbers = _in_process(loaded, console) if in_process else _over_dds(loaded, staging, console, domain)
-        for law in () if in_process else numbers:
-            numbers[law]["bag"] = str(out / law)
+        done = _in_process(loaded, console) if in_process else _over_dds(loaded, staging, console, domain)
+        runs, numbers = dict[str, RunData](), dict[str, Numbers]()
+        for law, (run, counted) in zip(loaded, done, strict=True):
+            runs[law], bag = run.data, {} if in_process else {"bag": str(out / law)}
+            numbers[law] = numbers_of(run) | counted | bag
         ends = {law: str(own["reason"]) for law, own in numbers.items() if own["reason"]}
         command = shlex.join(["slip-vic", *sys.argv[1:]])
         write_page(staging / "report.html", runs, command=command, description=shown.description, ends=ends)
@@ -83,46 +86,42 @@ def run_demo(
 
 def _over_dds(
     loaded: Mapping[Law, Scenario], folder: Path, console: Console, domain: int | None
-) -> tuple[dict[str, RunData], dict[str, Numbers]]:
-    """Run as processes and record a bag of each into `folder`; return the runs and their numbers."""
-    runs, numbers = dict[str, RunData](), dict[str, Numbers]()
+) -> Iterator[tuple[Run, Numbers]]:
+    """Run as processes and record a bag of each into `folder`; yield the runs, and what their processes count."""
     with run_progress(console) as add_bar:
         bars = {law: add_bar(f"{made.name} {law}", made.duration_s) for law, made in loaded.items()}
         for law, scenario in loaded.items():
             result = Launcher(scenario, bag=folder / law, wanted_domain=domain).run(bars[law])
-            runs[law] = read_data(folder / law)
-            numbers[law] = {
-                **numbers_of(measured(scenario, runs[law], *judge_incidents(result.incidents))),
-                "ticks": result.ticks,
-                "real_time_factor": result.real_time_factor,
-                "messages": result.messages,
-                "messages_lost": result.lost,
-                "incidents": [str(incident) for incident in result.incidents],
-            }
-    return runs, numbers
+            yield (
+                judge_bag(folder / law, scenario, result.incidents),
+                {
+                    "ticks": result.ticks,
+                    "real_time_factor": result.real_time_factor,
+                    "messages": result.messages,
+                    "messages_lost": result.lost,
+                    "incidents": [str(incident) for incident in result.incidents],
+                },
+            )
 
 
-def _in_process(loaded: Mapping[Law, Scenario], console: Console) -> tuple[dict[str, RunData], dict[str, Numbers]]:
-    """Run in this process; return the runs and their numbers."""
-    runs, numbers = dict[str, RunData](), dict[str, Numbers]()
+def _in_process(loaded: Mapping[Law, Scenario], console: Console) -> Iterator[tuple[Run, Numbers]]:
+    """Run in this process, as `_over_dds` does."""
     for law, scenario in loaded.items():
         with console.status(f"{scenario.name} {law}"):
             run = scenario.run()
-        runs[law] = run.track.data()
-        incidents = [run.reason] if run.outcome != "ok" else []
-        numbers[law] = numbers_of(run.verdict) | {"ticks": run.track.ticks, "incidents": incidents}
-    return runs, numbers
+        ticks = max((len(arm.channel("law").times) for arm in run.data.arms), default=0)
+        yield run, {"ticks": ticks, "incidents": [run.reason] if run.outcome != "ok" else []}
 
 
-def numbers_of(verdict: Verdict) -> Numbers:
+def numbers_of(run: Run) -> Numbers:
     """Return the numbers of a run for a table and for summary.json: of several arms those of the worst, and of each."""
-    arms = list(verdict.arms.values())
-    numbers: Numbers = {"outcome": verdict.outcome, "reason": verdict.reason, **verdict.together}
+    arms = list(run.summary.values())
+    numbers: Numbers = {"outcome": run.outcome, "reason": run.reason}
     for name in arms[0] if arms else ():
         values = [arm[name] for arm in arms]
         numbers[name] = max(values, key=lambda value: float(np.linalg.norm(value)))
     if len(arms) > 1:
-        numbers["arms"] = {name: dict(own) for name, own in verdict.arms.items()}
+        numbers |= {"internal_peak_n": run.internal_force_n, "arms": run.summary}
     return numbers
 
 

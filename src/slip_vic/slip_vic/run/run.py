@@ -1,29 +1,37 @@
-"""A run that is over: its numbers, every tick as a table, the page."""
+"""A run that is over: how it ended, its numbers, every tick as a table, the page; wherever its data are from."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.types import AXES
-from slip_vic.run.data import ArmData
-from slip_vic.run.judge import Outcome, Verdict
-from slip_vic.run.track import Track
+from slip_vic.run.data import ArmData, RunData
+from slip_vic.run.metrics import summarise
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from slip_vic.scenarios.scenario import Scenario
 
+Outcome = Literal["ok", "lost", "fault", "refused", "saturated", "held", "crashed"]
+"""lost: the object left a pad, the pad left its path, or the simulation has no numbers any more. fault: the controller
+gave up. refused: parameters that do not fit, or a path that cannot be followed. saturated: the arm has not the effort.
+held: the law never began, or the mode machine stopped it for a while. crashed: a process died."""
+
+ENDS: Final = ("lost", "fault")
+"""Outcomes after which a run has nothing more to show."""
+
 
 @dataclass(frozen=True)
 class Run:
-    """A run of a scenario in this process.
+    """A run of a scenario: outcome, reason (empty where all is well) and its data.
 
         run = slip_vic.load("paper_planar", law="governed").run()
         print(run.slip_mm, run.outcome)
@@ -34,53 +42,54 @@ class Run:
     """
 
     scenario: Scenario
-    verdict: Verdict
-    track: Track
+    outcome: Outcome
+    reason: str
+    data: RunData
 
-    @property
-    def outcome(self) -> Outcome:
-        """How it ended: ok, lost, fault, refused, saturated or held."""
-        return self.verdict.outcome
+    @cached_property
+    def summary(self) -> dict[str, dict[str, Any]]:
+        """All numbers of each arm by its name, in SI units; see `slip_vic.run.metrics.summarise`."""
+        names = self.scenario.controllers if self.data.arms else ()
+        found = {name: summarise(self.data.arm(name)) for name in names}
+        if self.outcome in ENDS:
+            for numbers in found.values():
+                numbers["arrival_s"] = math.nan
+        return found
 
-    @property
-    def reason(self) -> str:
-        """Why it did not end well, in one line; empty where it did."""
-        return self.verdict.reason
+    def worst(self, name: str) -> float:
+        """Return the largest of a number of `summary` over the arms; NaN where there is none."""
+        return max((float(numbers[name]) for numbers in self.summary.values()), default=math.nan)
 
     @property
     def slip_mm(self) -> float:
         """How far the pad has slid on the object at the end [mm]."""
-        return 1e3 * self.verdict.worst("slip_linear_m")
+        return 1e3 * self.worst("slip_linear_m")
 
     @property
     def slip_deg(self) -> float:
         """How far the object has turned in the grasp at the end [deg]."""
-        return math.degrees(self.verdict.worst("slip_angular_rad"))
+        return math.degrees(self.worst("slip_angular_rad"))
 
     @property
     def final_error_mm(self) -> float:
         """How far the pad is from its goal at the end [mm]."""
-        return 1e3 * self.verdict.worst("final_error_m")
+        return 1e3 * self.worst("final_error_m")
 
     @property
     def arrival_s(self) -> float:
         """From when on the pad stays within 1 mm and 0.5 degrees of its goal [s]; NaN where it does not."""
-        return self.verdict.worst("arrival_s")
+        return self.worst("arrival_s")
 
     @property
     def internal_force_n(self) -> float:
         """The largest force with which several arms work against each other in the slip plane [N]; NaN of one arm."""
-        return float(self.verdict.together.get("internal_peak_n", math.nan))
+        rows = [arm.channels["internal"].rows for arm in self.data.arms if "internal" in arm.channels]
+        return float(max((np.linalg.norm(own[:, :2], axis=1).max() for own in rows), default=math.nan))
 
     @property
     def modes(self) -> dict[str, tuple[tuple[float, str], ...]]:
         """The changes of mode of each arm: from when on [s], mode and reason."""
-        return self.track.modes()
-
-    @property
-    def summary(self) -> dict[str, dict[str, Any]]:
-        """All numbers of each arm by its name, in SI units."""
-        return {name: dict(numbers) for name, numbers in self.verdict.arms.items()}
+        return {name: self.data.arm(name).modes for name in self.summary}
 
     def frame(self, arm: str | None = None) -> pd.DataFrame:
         """Return every tick as a row.
@@ -106,7 +115,7 @@ class Run:
         }
         for name in ("slip", "slip_velocity", "wrench"):
             columns |= {f"{name}_{axis}": rows[name][:, j] for j, axis in enumerate(AXES)}
-        pose = self.track.data().object_pose
+        pose = self.data.object_pose
         assert pose is not None
         columns |= {f"object_{axis}": pose.rows[:, j] for j, axis in enumerate("xyz")}
         for name, short in (("joints", "q"), ("joint_velocity", "qd"), ("effort", "effort")):
@@ -127,13 +136,13 @@ class Run:
 
         label = str(self.scenario.law)
         ends = {label: self.reason} if self.reason else {}
-        write_page(Path(path), {label: self.track.data()}, command="slip_vic.Run.page", ends=ends)
+        write_page(Path(path), {label: self.data}, command="slip_vic.Run.page", ends=ends)
         return Path(path)
 
     def _arm(self, name: str | None) -> ArmData:
         from slip_core.errors import UnknownName
 
-        arms = {arm.name: arm for arm in self.track.data().arms}
+        arms = {arm.name: arm for arm in self.data.arms}
         if name is not None and name not in arms:
             raise UnknownName("arm", name, arms)
         return next(iter(arms.values())) if name is None else arms[name]

@@ -61,15 +61,6 @@ class Track:
                 words = result.reason if result.mode is not Mode.ACTIVE else ""
                 self._modes[k].append((tick.time_s, f"{result.mode.name}: {words}" if words else result.mode.name))
 
-    @property
-    def ticks(self) -> int:
-        """How many have been taken in."""
-        return len(self._times)
-
-    def modes(self) -> dict[str, tuple[tuple[float, str], ...]]:
-        """Return the changes of mode of each arm: from when on [s], mode and reason."""
-        return {name: tuple(self._modes[k]) for k, name in enumerate(self.arms)}
-
     def _channels(self, k: int) -> dict[str, Array]:
         """Return the rows of each channel of an arm."""
         found = {name: np.array(rows) for name, rows in self._rows[k].items()}
@@ -78,8 +69,11 @@ class Track:
         return found | dict(zip(names, (*parts[:3], *np.split(parts[3], 3, axis=1)), strict=True))
 
     def data(self) -> RunData:
-        """Return the run."""
-        scenario, times, thing = self.scenario, np.array(self._times) - self._times[0], np.array(self._object)
+        """Return the run; without a tick it has no arms."""
+        scenario, facts = self.scenario, {"scenario": self.scenario.name, "seed": str(self.scenario.seed)}
+        if not self._times:
+            return RunData((), None, flatten(scenario.first), facts, {})
+        times, thing = np.array(self._times) - self._times[0], np.array(self._object)
         attitude = Rotation.from_matrix(thing[:, 3:].reshape(-1, 3, 3)).as_quat()
         arms = tuple(
             ArmData(
@@ -93,5 +87,4 @@ class Track:
             )
             for k, name in enumerate(self.arms)
         )
-        facts = {"scenario": scenario.name, "seed": str(scenario.seed)}
         return RunData(arms, Channel(times, np.hstack((thing[:, :3], attitude))), flatten(scenario.first), facts, {})

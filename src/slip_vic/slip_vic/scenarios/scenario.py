@@ -173,16 +173,13 @@ class Scenario:
         from slip_vic.experiments.driven import Driven
         from slip_vic.experiments.law import Law as OwnLaw
         from slip_vic.run.judge import judge
-        from slip_vic.run.run import Run
-        from slip_vic.run.track import Track
 
         if isinstance(law, OwnLaw):
             own = Driven(self, law)
-            track = Track(own.scenario)
-            verdict = judge(own.ticks(), track)
+            run = judge(own.ticks(), own.scenario)
             if own.failure:
                 raise InputError(f"law {type(law).__name__}", got=own.failure, expected="docs/your_law.md")
-            return Run(own.scenario, verdict, track)
+            return run
 
         def driven() -> Iterator[Tick]:
             for tick in self.ticks():
@@ -190,8 +187,7 @@ class Scenario:
                     tick.effort = law(tick)
                 yield tick
 
-        track = Track(self)
-        return Run(self, judge(driven(), track), track)
+        return judge(driven(), self)
 
     @property
     def arms(self) -> tuple[tuple[str, ControllerNodeParams], ...]:
