@@ -114,9 +114,7 @@ class Loop:
     def tune(self, values: Mapping[str, Any], node: str = "") -> None:
         if node == BRIDGE:
             self.bridge_params = build(BridgeParams, flatten(self.bridge_params) | dict(values), "test")
-            self.loop.bridge.set_push(0, self.bridge_params.push)
-            if "grip.force" in values:
-                self.loop.bridge.set_grip_force(0, values["grip.force"])
+            self.loop.bridge.change((self.bridge_params,))
             return
         self.params = build(ControllerNodeParams, flatten(self.params) | dict(values), "test")
         self.loop.session.retune((self.params,))

@@ -95,16 +95,10 @@ class ProtocolError(SlipVicError):
     """A peer did not do its part: a missing process, a message that never came, an incompatible QoS."""
 
 
-def nearest(name: str, known: Iterable[str], count: int = 3) -> str:
-    """Return "did you mean a, b?" for the known names close to `name`, or the full list where none is close.
-
-    Args:
-        name: what was given.
-        known: the names that are valid.
-        count: how many are offered at most.
-    """
+def nearest(name: str, known: Iterable[str]) -> str:
+    """Return "did you mean a, b?" for the known names close to `name`, or the full list where none is close."""
     known = sorted(known)
-    close = difflib.get_close_matches(name, known, n=count, cutoff=0.5)
+    close = difflib.get_close_matches(name, known, cutoff=0.5)
     if close:
         return f"did you mean {', '.join(close)}?"
     return f"known: {', '.join(known)}"

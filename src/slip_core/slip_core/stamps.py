@@ -2,16 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any
 
 NS_PER_S = 1_000_000_000
-
-
-class Stamp(Protocol):
-    """A builtin_interfaces/Time, decoded by ROS or by a bag reader."""
-
-    sec: int
-    nanosec: int
 
 
 def split_ns(stamp_ns: int) -> tuple[int, int]:
@@ -19,8 +12,8 @@ def split_ns(stamp_ns: int) -> tuple[int, int]:
     return divmod(stamp_ns, NS_PER_S)
 
 
-def stamp_to_ns(stamp: Stamp) -> int:
-    """Return the nanoseconds of a stamp."""
+def stamp_to_ns(stamp: Any) -> int:
+    """Return the nanoseconds of a builtin_interfaces/Time, decoded by ROS or by a bag reader."""
     return int(stamp.sec) * NS_PER_S + int(stamp.nanosec)
 
 

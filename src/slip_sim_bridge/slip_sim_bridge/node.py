@@ -6,6 +6,7 @@ A thin shell around `slip_sim_bridge.session`: topics, clock, lockstep and pacin
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Callable
 from dataclasses import asdict
 from functools import partial
@@ -21,7 +22,7 @@ from slip_core.files.urdf import on_base, placed_urdf
 from slip_core.files.urdf_file import read_urdf
 from slip_core.incidents import Incident
 from slip_core.stamps import split_ns
-from slip_core.timing import Window, spread
+from slip_core.timing import spread
 from slip_core.types import JointCommand
 from slip_msgs_py.endpoint_matching import EndpointMatching, Waiting, wait_until
 from slip_msgs_py.events import emit
@@ -69,7 +70,7 @@ class SlipSimBridge(GuardedNode, Node):
         self._failure: Exception | None = None
         self._failures = Failures(self.get_logger().error)
         self._pacer: Pacer | None = None
-        self._latencies = Window(LATENCIES_KEPT)
+        self._latencies = deque[float](maxlen=LATENCIES_KEPT)
         self._refusals = Refusals(self.get_logger().error)
         self._lost: Incident | None = None
         self._controller_ready = False
@@ -129,7 +130,7 @@ class SlipSimBridge(GuardedNode, Node):
 
     def _on_grip_force(self, arm: int, message: Any) -> None:
         try:
-            self.session.set_grip_force(arm, float(message.data))
+            self.session.simulation.set_grip_force(arm, float(message.data))
         except InputError as error:
             self._refusals.add("grip_force", error)
 
@@ -184,7 +185,7 @@ class SlipSimBridge(GuardedNode, Node):
         """Return how a real-time run went, for the launcher."""
         if self._pacer is None:
             return {}
-        latencies = spread(self._latencies.values())
+        latencies = spread(self._latencies)
         return {
             "fresh_share": self._pacer.fresh_share,
             "overruns": self._pacer.overruns,
@@ -275,7 +276,7 @@ class SlipSimBridge(GuardedNode, Node):
             if truth_is_due:
                 self._publish_truth(self._outputs)
             numbers = pacer.end(clock())
-            self._latencies.add(numbers[LATENCY])
+            self._latencies.append(numbers[LATENCY])
             self.session.advance(self._commands)
             if self.session.finished:
                 return

@@ -15,8 +15,7 @@ from slip_core.errors import InputError
 from slip_core.incidents import Incident
 from slip_core.stamps import seconds_to_ns
 from slip_core.types import DisplacementSample, JointCommand, JointSample, ObjectTruth, SlipSample, WrenchSample
-from slip_sim_bridge.params import BridgeParams, PushParams
-from slip_sim_bridge.sensors.params import SensorsParams
+from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.sensors.suite import SensorSuite
 from slip_sim_bridge.simulation import Readings, Simulation
 
@@ -30,7 +29,7 @@ class ArmOutputs(NamedTuple):
 
     joint: JointSample
     wrenches: tuple[WrenchSample, ...]
-    slips: tuple[SlipSample, ...] | tuple[DisplacementSample, ...]
+    slips: tuple[SlipSample | DisplacementSample, ...]
     readings: Readings
 
 
@@ -64,8 +63,7 @@ class BridgeSession:
 
     def __init__(self, params: Mapping[str, BridgeParams], urdfs: Mapping[str, str]) -> None:
         self.simulation = Simulation(params, urdfs)
-        self._arms = self._live = tuple(params.values())
-        self._faults = [arm.sensors for arm in self._arms]
+        self._arms = tuple(params.values())
         self._sensors = self._new_sensors()
         self._start_ns = self.simulation.stamp_ns
         self._duration_ns = seconds_to_ns(self._arms[0].duration_s)
@@ -99,38 +97,21 @@ class BridgeSession:
         return Incident("lost", 1e-9 * (stamp_ns - self._start_ns), text)
 
     def change(self, params: Sequence[BridgeParams]) -> None:
-        """Take changed run-time parameters of each arm: sensor faults, a hand that pushes, and grip force."""
-        for index, (before, now) in enumerate(zip(self._live, params, strict=True)):
-            self.set_faults(index, now.sensors)
-            self.set_push(index, now.push)
-            if now.grip.force != before.grip.force:
-                self.set_grip_force(index, now.grip.force)
-        self._live = tuple(params)
-
-    def set_grip_force(self, arm: int, force: float) -> None:
-        """Set the grip force of an arm from the next tick on; [N].
+        """Take changed run-time parameters of each arm from the next tick on: sensor faults, a hand's push, the grip.
 
         Raises:
-            InputError: negative, beyond what a parameter may have, or not finite.
+            InputError: a grip force beyond what a parameter may have.
         """
-        self.simulation.set_grip_force(arm, force)
-
-    def set_push(self, arm: int, push: PushParams) -> None:
-        """Let a hand push an arm and the object from the next tick on."""
-        self.simulation.push(arm, np.array(push.wrench), np.array(push.effort))
-
-    def set_faults(self, arm: int, sensors: SensorsParams) -> None:
-        """Switch sensor faults of an arm on and off from the next measurement on."""
-        self._faults[arm] = sensors
-        self._sensors[arm].set_faults(sensors)
+        for index, (before, now) in enumerate(zip(self._arms, params, strict=True)):
+            self._sensors[index].set_faults(now.sensors)
+            self.simulation.push(index, np.array(now.push.wrench), np.array(now.push.effort))
+            if now.grip.force != before.grip.force:
+                self.simulation.set_grip_force(index, now.grip.force)
+        self._arms = tuple(params)
 
     def _new_sensors(self) -> list[SensorSuite]:
         """Return sensors at their start, noise included; faults are as they are switched."""
-        suites = []
-        for index, (arm, faults) in enumerate(zip(self._arms, self._faults, strict=True)):
-            suites.append(SensorSuite(arm.model_copy(update={"seed": arm.seed + index}) if index else arm))
-            suites[index].set_faults(faults)
-        return suites
+        return [SensorSuite(arm.model_copy(update={"seed": arm.seed + index})) for index, arm in enumerate(self._arms)]
 
     def request_reset(self) -> None:
         """Put everything back before the next tick, the grip force of the start too; time, pushes and faults stay."""
@@ -145,12 +126,8 @@ class BridgeSession:
         arms, counts = [], self._counts
         for index, sensors in enumerate(self._sensors):
             readings = self.simulation.observe(index)
-            wrenches = tuple(sensors.wrench.update(readings.wrench))
-            slips: tuple[SlipSample, ...] | tuple[DisplacementSample, ...]
-            if sensors.displacement is None:
-                slips = tuple(sensors.slip.update(readings.seen if sensors.sees_pads else readings.slip))
-            else:
-                slips = tuple(sensors.displacement.update(readings.truth))
+            wrenches = sensors.wrench.update(readings.wrench)
+            slips = sensors.slip.update(sensors.slip_truth(readings))
             counts[2 * index] += len(wrenches)
             counts[2 * index + 1] += len(slips)
             arms.append(ArmOutputs(sensors.joint.update(readings.joint), wrenches, slips, readings))

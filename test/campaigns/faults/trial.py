@@ -292,7 +292,7 @@ class Trial:
             sign = 1 if fault.size > 0.5 else -1
             self._clock_offset_ns += sign * round(1e9 * 10.0 ** (4.0 * abs(2.0 * fault.size - 1.0) - 2.0))
         elif fault.kind == "grip":
-            self._bridge.set_grip_force(0, self.scenario.bridge.grip.force * 2.0 * fault.size**3)
+            self._bridge.simulation.set_grip_force(0, self.scenario.bridge.grip.force * 2.0 * fault.size**3)
         elif fault.kind == "request" and self._controller is not None:
             self._controller.request(Request(1 + int(3 * fault.size)))
         elif fault.kind in ("gains", "parameter") and self._controller is not None:

@@ -46,6 +46,12 @@ def params(period_s: float = 1e-3, grip: float = 12.0, damping: float = 30.0, **
     return {"left": left, "right": left.model_copy(update={"base": BaseParams(position=(0.0, -0.36, 0.0))})}
 
 
+def pushed(arms: dict[str, BridgeParams], *force: float) -> list[BridgeParams]:
+    """Return parameters by which a hand pushes the object where the left arm grips it [N]."""
+    push = PushParams.model_validate({"wrench": (*force, 0.0, 0.0, 0.0)})
+    return [arms["left"].model_copy(update={"push": push}), arms["right"]]
+
+
 def test_the_free_object_has_the_mass_and_the_inertia_that_it_was_told_to_have() -> None:
     told = ObjectParams(mass=0.7, inertia=(2.0e-3, 1.5e-3, 1.2e-3, 2e-4, -1e-4, 3e-4))
     body = plant_of(pair(object=told.model_dump())).model.body(OBJECT)
@@ -63,7 +69,7 @@ def test_a_sensor_that_looks_at_the_object_sees_how_pads_give_way_to_a_load() ->
         session.advance(commands)
         session.observe()
     before = [session.simulation.observe(k).wrench.wrench for k in range(2)]
-    session.set_push(0, PushParams(wrench=(1.5, 1.5, -2.0, 0.0, 0.0, 0.0)))
+    session.change(pushed(told, 1.5, 1.5, -2.0))
     for _ in range(1500):
         session.advance(commands)
         outputs = session.observe()
@@ -309,7 +315,7 @@ def test_several_arms_have_flags_displacements_and_grips_of_their_own() -> None:
     arms = params(grip=9.0, slip_input="displacement", sensors={"slip": {"flag_speed": 1e-3}})
     arms["right"] = arms["right"].model_copy(update={"slip_input": "flag"})
     session = BridgeSession(arms, dict.fromkeys(arms, urdf_text()))
-    session.set_push(0, PushParams(wrench=(15.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
+    session.change(pushed(arms, 15.0, 0.0, 0.0))
     slipping = False
     for _ in range(80):
         outputs = session.observe()
@@ -322,8 +328,8 @@ def test_several_arms_have_flags_displacements_and_grips_of_their_own() -> None:
         fast = np.linalg.norm((*v[:3], *(0.015 * v[3:]))) > 1e-3
         assert flag.twist[0] == float(fast)
         slipping |= bool(fast)
-        session.set_grip_force(0, 9.5)
-        session.set_grip_force(1, 9.0)
+        session.simulation.set_grip_force(0, 9.5)
+        session.simulation.set_grip_force(1, 9.0)
         session.advance([None, None])
     assert slipping
     assert [arm.gripper.force for arm in session.simulation.arms] == [9.5, 9.0]

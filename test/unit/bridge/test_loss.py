@@ -100,7 +100,7 @@ def test_the_session_tells_when_in_the_time_of_the_run() -> None:
     session.start_at(5_000_000_000)
     session.advance([None])
     assert session.lost is None
-    session.set_grip_force(0, 0.0)
+    session.simulation.set_grip_force(0, 0.0)
     session.advance([None])
     assert session.lost is not None
     assert str(session.lost) == "LOST at 0.001 s: the object is lost: the grip is zero"

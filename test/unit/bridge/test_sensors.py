@@ -44,8 +44,8 @@ def test_ideal_sensors_hand_over_the_truth_itself():
     sensors = suite()
     slip, wrench = slip_at(3), WrenchSample(3 * MS, np.arange(6.0))
     joint = JointSample(3 * MS, np.zeros(7), np.ones(7), np.ones(7))
-    assert sensors.slip.update(slip) == [slip]
-    assert sensors.wrench.update(wrench) == [wrench]
+    assert sensors.slip.update(slip) == (slip,)
+    assert sensors.wrench.update(wrench) == (wrench,)
     assert sensors.joint.update(joint) is joint
 
 
@@ -88,8 +88,8 @@ def test_a_dead_band_takes_each_half_for_itself_and_whole() -> None:
 
 def test_several_samples_due_at_once_come_oldest_first():
     sensors = suite(slip__latency_s=0.003)
-    assert sensors.slip.update(slip_at(0)) == []
-    assert sensors.slip.update(slip_at(1)) == []
+    assert sensors.slip.update(slip_at(0)) == ()
+    assert sensors.slip.update(slip_at(1)) == ()
     stamps = [sample.stamp_ns for sample in sensors.slip.update(slip_at(10))]
     assert stamps == [0, MS]
 
@@ -164,7 +164,7 @@ def test_a_reset_begins_the_noise_again_and_leaves_faults_switched():
     noisy = {"sensors.wrench.noise_force": 1.0, "sensors.slip.latency_s": 0.002}
     arm = build(BridgeParams, noisy, "test")
     session = BridgeSession({"": arm}, {"": arm_urdf(arm)})
-    session.set_faults(0, build(BridgeParams, noisy | {"sensors.wrench.bias": [9.0] * 6}, "test").sensors)
+    session.change([build(BridgeParams, noisy | {"sensors.wrench.bias": [9.0] * 6}, "test")])
     rounds = []
     for _ in range(2):
         ticks = [session.observe().arms[0] for _ in range(3)]

@@ -33,7 +33,7 @@ def run(scenario: str, *assignments: str, seconds: float):
         grips.append((result.grip, float(governor.grip_force), loop.bridge.simulation.arms[0].gripper.force))
         loads.append(float(governor.load_ratio))
         loop.bridge.advance([result.command])
-        loop.bridge.set_grip_force(0, result.grip)
+        loop.bridge.simulation.set_grip_force(0, result.grip)
     return slip, result, np.array(grips), np.array(loads)
 
 

@@ -11,7 +11,7 @@ from slip_core.errors import InputError
 from slip_core.records import new, place
 from slip_core.types import DisplacementSample, JointCommand, WrenchSample
 from slip_msgs_py.messages.from_msgs import slip_flag
-from slip_sim_bridge.sensors.slip_kinds import pose_of
+from slip_sim_bridge.sensors.slip import pose_of
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import Scenario, load_scenario
 from slip_vic_controller.contact.slip_displacement import SlipFromDisplacement

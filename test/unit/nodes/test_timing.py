@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_core.timing import OK, WARN, Window
+from slip_core.timing import OK, WARN, spread
 from slip_sim_bridge import pacing
 from slip_sim_bridge.pacing import Pacer
 from slip_vic_controller.node import timing
@@ -109,13 +109,11 @@ def test_status_warns_of_late_cycles() -> None:
     assert cycles.status()[0] == OK
 
 
-# -- windows -------------------------------------------------------------------------------
+# -- spread --------------------------------------------------------------------------------
 
 
-@given(st.lists(st.floats(-1e6, 1e6) | st.just(math.nan), max_size=30), st.integers(1, 8))
-def test_window_keeps_last_values(values: list[float], size: int) -> None:
-    window = Window(size)
-    for value in values:
-        window.add(value)
-    expected = [value for value in values[-size:] if not math.isnan(value)]
-    assert sorted(window.values().tolist()) == sorted(expected)
+def test_spread_is_that_of_finite_values() -> None:
+    found = spread([math.nan, *range(101), math.inf])
+    assert (found["mean"], found["p50"], found["p99"], found["max"]) == (50.0, 50.0, 99.0, 100.0)
+    assert found["deviation"] == pytest.approx(math.sqrt(850.0))
+    assert all(map(math.isnan, spread([math.nan]).values()))

@@ -23,7 +23,6 @@ from slip_bags.reader import Bag
 from slip_core import compiled
 from slip_core.compiled import check_private
 from slip_core.errors import InputError, ProtocolError
-from slip_core.files.link_tree import read_links
 from slip_core.files.plain_yaml import DEEPEST, parse_json, read_yaml
 from slip_core.files.urdf import DEEPEST as DEEPEST_URDF
 from slip_core.files.urdf import base_of, parse_urdf, placed_urdf
@@ -204,7 +203,6 @@ def test_what_is_no_plain_urdf_reaches_no_parser_of_a_physics_library(text: str,
     scenario = load_scenario("paper_planar")
     for read in (
         parse_urdf,
-        read_links,
         lambda text: placed_urdf(text, (0.0,) * 3, (0.0,) * 3),
         Arm,
         lambda text: Robot(text, "ee", scenario.controller.joint_names),
@@ -226,7 +224,6 @@ def test_the_deepest_tree_is_read_by_the_libraries() -> None:
     robot = Robot(text, scenario.controller.ee_frame, scenario.controller.joint_names)
     assert robot.joint_names == scenario.controller.joint_names
     assert arm_spec(scenario.bridge, text) is not None
-    assert len(read_links(text)) == len(parse_urdf(text).findall("link"))
 
 
 # -- bags -------------------------------------------------------------------------------------------------------------

@@ -90,9 +90,8 @@ def base_of(root: Element) -> str:
     Raises:
         InputError: links that are no such tree, or one that is too deep.
     """
-    links, below = named(root, "link"), dict[str, list[str]]()
-    for joint in named(root, "joint").values():
-        below.setdefault(end_of(joint, "parent"), []).append(end_of(joint, "child"))
+    links = named(root, "link")
+    below = {parent: [end_of(joint, "child") for joint in joints] for parent, joints in joints_on(root).items()}
     carried = {child for group in below.values() for child in group}
     bases = level = [name for name in links if name not in carried]
     reached, depth = list(bases), 0
@@ -150,6 +149,14 @@ def end_of(joint: Element, end: str) -> str:
     """Return the link at an end of a joint; end: "parent" or "child"."""
     part = joint.find(end)
     return "" if part is None else part.get("link", "")
+
+
+def joints_on(root: Element) -> dict[str, list[Element]]:
+    """Return the joints whose parent a link is, by its name."""
+    found: dict[str, list[Element]] = {}
+    for joint in named(root, "joint").values():
+        found.setdefault(end_of(joint, "parent"), []).append(joint)
+    return found
 
 
 def chain(root: Element, link: str) -> list[Element]:
@@ -292,17 +299,12 @@ def _check_limits(joint: Element) -> None:
 
 def carried_links(root: Element, joint_names: Sequence[str]) -> dict[str, list[str]]:
     """Return the links that are one rigid body behind each commanded joint, where all other joints are locked."""
-    below: dict[str, list[Element]] = {}
-    for joint in named(root, "joint").values():
-        below.setdefault(end_of(joint, "parent"), []).append(joint)
-    groups = {}
-    for joint in named(root, "joint").values():
-        name = str(joint.get("name"))
+    below, groups = joints_on(root), {}
+    for name, joint in named(root, "joint").items():
         if name in joint_names:
-            group = [end_of(joint, "child")]
-            for link in group:
+            groups[name] = group = [end_of(joint, "child")]
+            for link in group:  # grows while it is walked
                 group += [end_of(one, "child") for one in below.get(link, []) if one.get("name") not in joint_names]
-            groups[name] = group
     return groups
 
 

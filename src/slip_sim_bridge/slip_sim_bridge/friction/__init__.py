@@ -1,7 +1,7 @@
 """Friction between pads and object: one file per law, behind one interface.
 
-In scaled coordinates (see `limit_surface`) a law says how much friction there is at a speed, and solves one implicit
-step. A new law is a file with what `FrictionLaw` requires, its name in `LAWS` and in `friction/params.py`, and a test.
+In scaled coordinates (see `limit_surface`) a law solves one implicit step. A new law is a file with what `FrictionLaw`
+requires, its name in `LAWS` and in `friction/params.py`, and a test.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ LAWS: Final = {"stribeck": "stribeck", "coulomb": "stribeck", "lugre": "lugre"}
 
 
 class FrictionLaw(Protocol):
-    """What the module of a law offers. `law` is a record of its `LAYOUT`; the three functions are compiled parts."""
+    """What the module of a law offers. `law` is a record of its `LAYOUT`; the last two functions are compiled parts."""
 
     def __hash__(self) -> int: ...
 
@@ -33,10 +33,6 @@ class FrictionLaw(Protocol):
 
     def fill(self, law: Any, params: FrictionParams) -> None:
         """Write the parameters to the record."""
-        ...
-
-    def limit(self, law: Any, speed: float, normal_force: float) -> tuple[float, float]:
-        """Return F(s) [N] and dF/ds [N s/m] in steady sliding at speed s [m/s] under normal_force [N]."""
         ...
 
     def steepest_fall(self, law: Any, normal_force: float) -> float:

@@ -53,12 +53,6 @@ def fill(law: Lugre, params: FrictionParams) -> None:
 
 
 @part
-def limit(law: Lugre, speed: float, normal_force: float) -> tuple[float, float]:
-    """Return F(s) [N] and dF/ds [N s/m]: the bristles do not change steady sliding."""
-    return stribeck.limit(law.curve, speed, normal_force)
-
-
-@part
 def steepest_fall(law: Lugre, normal_force: float) -> float:
     """Return max(0, -min dF/ds) [N s/m] of the curve behind the bristles."""
     return stribeck.steepest_fall(law.curve, normal_force)
@@ -93,7 +87,7 @@ def trial(
     u = with_diagonal(1.0, a * A_hat).solve(u_free - b * (A_hat @ z))
     z_next = kappa * (z + dt * u)
     length, along, speed = z_next.norm(), u.dot(z_next), u.norm()
-    dry = limit(law, speed, normal_force)[0] - viscous * speed
+    dry = stribeck.limit(law.curve, speed, normal_force)[0] - viscous * speed
     z_ss = max(dry / law.stiffness, SHORTEST)
     if along <= 0.0 or length <= law.breakaway_fraction * z_ss:
         return 1.0 - kappa, u, z_next

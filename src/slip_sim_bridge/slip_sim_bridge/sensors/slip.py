@@ -1,4 +1,4 @@
-"""What a slip sensor makes of the true slip velocity: chips, gain, noise, outliers, saturation, quantum, dead band.
+"""What a slip sensor makes of the truth: a slip velocity, a flag, or where the pad is on the object.
 
 Noise and faults draw from two streams: switching a fault on does not change the noise.
 """
@@ -11,19 +11,17 @@ import numpy as np
 from numpy.random import Generator
 
 from slip_core.arrays import Array, readonly
-from slip_core.types import SlipSample
-from slip_sim_bridge.sensors.params import CHIPS, SlipSensorParams
+from slip_core.types import DisplacementSample, ObjectTruth, SlipSample
+from slip_sim_bridge.sensors.params import SlipSensorParams
 
-_INVALID = readonly(np.full(6, math.nan))
+_INVALID, _INVALID_POSE = (readonly(np.full(size, math.nan)) for size in (6, 7))
 _STILL = readonly(np.zeros(3))
-CHIP_RADIUS = 0.01
-"""Circle on which the chips of an optical sensor sit [m]."""
 OUTLIER = readonly(np.array((0.2, 0.2, 0.2, 5.0, 5.0, 5.0)))
 """Standard deviation of an outlier [m/s, rad/s]."""
 
 
 class SlipMeasurement:
-    """Measures slip; `faults` may be replaced at any time.
+    """Measures slip velocity: gain, noise, outliers, saturation, quantum, dead band; `faults` may be replaced any time.
 
     Args:
         params: the sensor.
@@ -32,12 +30,12 @@ class SlipMeasurement:
     """
 
     def __init__(self, params: SlipSensorParams, slip_axes: Array, fault_rng: Generator) -> None:
-        self._params = params
-        self._axes = slip_axes
+        self.params = params
+        self.axes = slip_axes
         self._deviation = np.repeat((params.noise_linear, params.noise_angular), 3) * slip_axes
         self._noisy = bool(self._deviation.any())
         self._exact = max(params.quantum_linear, params.dead_band_linear, params.dead_band_angular) == 0.0
-        self._rng = fault_rng
+        self.fault_rng = fault_rng
         self.faults = params.faults
         self._last: Array | None = None
 
@@ -49,7 +47,7 @@ class SlipMeasurement:
         if not lossy and faults.outlier_probability == 0.0:
             twist = self._read(truth.twist, noise)
         else:
-            chances, odd = self._rng.random(2), self._rng.standard_normal(6)
+            chances, odd = self.fault_rng.random(2), self.fault_rng.standard_normal(6)
             if faults.silent or chances[0] < faults.dropout_probability:
                 return None
             if faults.invalid:
@@ -58,14 +56,12 @@ class SlipMeasurement:
                 return SlipSample(truth.stamp_ns, self._last)
             twist = self._read(truth.twist, noise)
             if chances[1] < faults.outlier_probability:
-                twist = self._digitise(OUTLIER * odd * self._axes)
+                twist = self._digitise(OUTLIER * odd * self.axes)
         self._last = twist
         return truth if twist is truth.twist else SlipSample(truth.stamp_ns, twist, truth.valid)
 
     def _read(self, truth: Array, noise: Array | None) -> Array:
         faults, twist = self.faults, truth
-        if faults.lifted_chips:
-            twist = lifted_chip_reading(twist, faults.lifted_chips)
         if faults.gain != 1.0:
             twist = faults.gain * twist
         if noise is not None:
@@ -75,7 +71,7 @@ class SlipMeasurement:
         return self._digitise(twist)
 
     def _digitise(self, twist: Array) -> Array:
-        params = self._params
+        params = self.params
         if (np.abs(twist[:3]) > params.saturation_linear).any():
             most = params.saturation_linear
             twist = np.concatenate((np.clip(twist[:3], -most, most), twist[3:]))
@@ -100,18 +96,52 @@ def dead_band(twist: Array, linear: float, angular: float) -> Array:
     )
 
 
-def lifted_chip_reading(twist: Array, lifted: int) -> Array:
-    """Return what optical chips on a circle make of a twist while the first `lifted` of them read zero.
+class FlagMeasurement:
+    """Says whether it slips: whether what a slip sensor reads, faults included, is faster than `flag_speed`.
 
-    Every chip reads the two linear velocities at its place; x, y and the turn about z follow by least squares, as a
-    driver does that does not know which chip is off. twist (6,) [m/s, rad/s] {ee}.
+    Args:
+        reading: the sensor.
+        flag_speed: |(v, rho w)| at which the flag rises [m/s].
+        radius: rho [m].
     """
-    angles = 2.0 * math.pi * np.arange(CHIPS) / CHIPS
-    rows = np.zeros((CHIPS, 2, 3))
-    rows[:, 0, 0] = rows[:, 1, 1] = 1.0
-    rows[:, 0, 2], rows[:, 1, 2] = -CHIP_RADIUS * np.sin(angles), CHIP_RADIUS * np.cos(angles)
-    readings = rows @ twist[[0, 1, 5]]
-    readings[:lifted] = 0.0
-    out = twist.copy()
-    out[[0, 1, 5]] = np.linalg.lstsq(rows.reshape(-1, 3), readings.ravel(), rcond=None)[0]
-    return out
+
+    def __init__(self, reading: SlipMeasurement, flag_speed: float, radius: float) -> None:
+        self._reading, self._least, self._radius = reading, flag_speed, radius
+
+    def __call__(self, truth: SlipSample, rng: Generator) -> SlipSample | None:
+        """Return all ones or zeros, or None where the sample is lost."""
+        read = self._reading(truth, rng)
+        if read is None or not read.valid:
+            return read
+        v = read.twist
+        up = math.hypot(*v[:3].tolist(), *(self._radius * v[3:]).tolist()) > self._least
+        return SlipSample(truth.stamp_ns, np.full(6, float(up)))
+
+
+class DisplacementMeasurement:
+    """Measures the pose of the pad on the object with white noise; `faults` of a slip sensor lose or spoil samples.
+
+    Args:
+        reading: the slip sensor.
+    """
+
+    def __init__(self, reading: SlipMeasurement) -> None:
+        self._reading = reading
+        self._deviation = np.repeat((reading.params.noise_position, reading.params.noise_angle), 3) * reading.axes
+
+    def __call__(self, truth: ObjectTruth, rng: Generator) -> DisplacementSample | None:
+        """Return the measured pose, or None where the sample is lost."""
+        reading, noise = self._reading, self._deviation * rng.standard_normal(6)
+        chance = reading.fault_rng.random()
+        if reading.faults.silent or chance < reading.faults.dropout_probability:
+            return None
+        if reading.faults.invalid:
+            return DisplacementSample(truth.stamp_ns, _INVALID_POSE, valid=False)
+        return DisplacementSample(truth.stamp_ns, pose_of(truth.slip_displacement + noise))
+
+
+def pose_of(displacement: Array) -> Array:
+    """Return position and quaternion x y z w of a translation and rotation vector; (6,) [m, rad] -> (7,)."""
+    angle = math.sqrt(float(displacement[3:] @ displacement[3:]))
+    axis = displacement[3:] * (math.sin(0.5 * angle) / angle if angle > 0.0 else 0.5)
+    return np.array([*displacement[:3].tolist(), *axis.tolist(), math.cos(0.5 * angle)])

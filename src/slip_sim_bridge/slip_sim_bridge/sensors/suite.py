@@ -8,19 +8,19 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable
+from operator import attrgetter
 from typing import Any, Generic, TypeVar
 
 import numpy as np
+from numpy.random import Generator
 
 from slip_core.arrays import Array, matrix_from_quat_xyzw
-from slip_core.types import JointSample, SlipSample, WrenchSample
+from slip_core.types import DisplacementSample, JointSample, SlipSample, WrenchSample
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.sensors.params import JointSensorParams, SensorsParams, WrenchSensorParams
-from slip_sim_bridge.sensors.slip import SlipMeasurement
-from slip_sim_bridge.sensors.slip_kinds import DisplacementMeasurement, FlagMeasurement
+from slip_sim_bridge.sensors.slip import DisplacementMeasurement, FlagMeasurement, SlipMeasurement
 
-Sample = TypeVar("Sample", WrenchSample, SlipSample, JointSample)
-Measure = Callable[[Sample, np.random.Generator], Sample | None]
+Sample = TypeVar("Sample", WrenchSample, SlipSample | DisplacementSample, JointSample)
 
 _NS_PER_S = 1_000_000_000
 _STREAMS = {
@@ -41,8 +41,10 @@ class Sensor(Generic[Sample]):
         rng: random stream of the sensor.
     """
 
-    def __init__(self, measure: Measure[Sample], rate_hz: float, latency_s: float, rng: np.random.Generator) -> None:
-        self._measure: Measure[Sample] = measure
+    def __init__(
+        self, measure: Callable[[Any, Generator], Sample | None], rate_hz: float, latency_s: float, rng: Generator
+    ) -> None:
+        self.measure: Callable[[Any, Generator], Sample | None] = measure
         self._rate_hz = rate_hz
         self._latency_ns = round(latency_s * _NS_PER_S)
         self._rng = rng
@@ -50,19 +52,19 @@ class Sensor(Generic[Sample]):
         self._first_ns: int | None = None
         self._measured = 0
 
-    def update(self, truth: Sample) -> list[Sample]:
+    def update(self, truth: Any) -> tuple[Sample, ...]:
         """Take the truth of this tick and return the samples that are published now, oldest first.
 
         Measurement k at the first tick not before k / rate; published latency later.
         """
         if self._due(truth.stamp_ns):
-            sample = self._measure(truth, self._rng)
+            sample = self.measure(truth, self._rng)
             if sample is not None:
                 self._pending.append(sample)
         published = []
         while self._pending and self._pending[0].stamp_ns + self._latency_ns <= truth.stamp_ns:
             published.append(self._pending.popleft())
-        return published
+        return tuple(published)
 
     def _due(self, stamp_ns: int) -> bool:
         if self._rate_hz == 0.0:
@@ -79,7 +81,7 @@ class Sensor(Generic[Sample]):
 class JointSensor:
     """Joint encoders: a joint state every tick, its values as old and as noisy as the parameters say."""
 
-    def __init__(self, params: JointSensorParams, rng: np.random.Generator) -> None:
+    def __init__(self, params: JointSensorParams, rng: Generator) -> None:
         self._params, self._rng = params, rng
         self._held = params.rate_hz > 0.0 or params.latency_s > 0.0
         noisy = params.noise_position > 0.0 or params.noise_velocity > 0.0
@@ -134,55 +136,49 @@ class JointSensor:
 
 
 class SensorSuite:
-    """All sensors of one arm, as `sensors.*` describes them."""
+    """All sensors of one arm, as `sensors.*` describes them.
+
+    Attributes:
+        slip: gives what `slip_input` says.
+        slip_truth: takes what `slip` measures out of an arm's `Readings`.
+    """
 
     def __init__(self, params: BridgeParams) -> None:
         sensors = params.sensors
 
-        def stream(name: str) -> np.random.Generator:
+        def stream(name: str) -> Generator:
             return np.random.default_rng(np.random.SeedSequence(params.seed, spawn_key=(_STREAMS[name],)))
 
         slip, wrench = sensors.slip, sensors.wrench
         axes = np.array(params.contacts.slip_axes[:6], dtype=float)
-        self.sees_pads = slip.sees_pads
-        self._measure_slip = SlipMeasurement(slip, axes, stream("slip faults"))
-        measure: Any = self._measure_slip
+        self.slip_truth = attrgetter("seen" if slip.sees_pads else "slip")
+        measure: Any = SlipMeasurement(slip, axes, stream("slip faults"))
+        self._measure_slip: SlipMeasurement = measure
         if params.slip_input == "flag":
-            measure = FlagMeasurement(self._measure_slip, slip.flag_speed, params.friction.torsional_radius)
-        self._measure_wrench = WrenchMeasurement(wrench)
-        self.slip: Sensor[SlipSample] = Sensor(measure, slip.rate_hz, slip.latency_s, stream("slip"))
-        self.displacement: Sensor[Any] | None = None
-        if params.slip_input == "displacement":
-            place = DisplacementMeasurement(slip, axes, self._measure_slip, stream("slip faults"))
-            self.displacement = Sensor(place, slip.rate_hz, slip.latency_s, stream("slip"))
-        self.wrench: Sensor[WrenchSample] = Sensor(
-            self._measure_wrench, wrench.rate_hz, wrench.latency_s, stream("wrench")
-        )
+            measure = FlagMeasurement(measure, slip.flag_speed, params.friction.torsional_radius)
+        elif params.slip_input == "displacement":
+            measure, self.slip_truth = DisplacementMeasurement(measure), attrgetter("truth")
+        self.slip: Sensor[SlipSample | DisplacementSample]
+        self.slip = Sensor(measure, slip.rate_hz, slip.latency_s, stream("slip"))
+        measure_wrench = WrenchMeasurement(wrench)
+        self.wrench: Sensor[WrenchSample]
+        self.wrench = Sensor(measure_wrench, wrench.rate_hz, wrench.latency_s, stream("wrench"))
         self.joint = JointSensor(sensors.joint, stream("joint"))
 
     def set_faults(self, params: SensorsParams) -> None:
         """Switch faults on and off from the next measurement on; what is under way stays as it is."""
         self._measure_slip.faults = params.slip.faults
-        self._measure_wrench.params = params.wrench
+        self.wrench.measure = WrenchMeasurement(params.wrench)
 
 
 class WrenchMeasurement:
-    """Measures the wrench with the errors of a real sensor; `params` may be replaced at any time.
+    """Measures the wrench with the errors of a real sensor.
 
     Args:
-        params: the sensor.
+        params: what the sensor is, faults included.
     """
 
     def __init__(self, params: WrenchSensorParams) -> None:
-        self.params = params
-
-    @property
-    def params(self) -> WrenchSensorParams:
-        """What the sensor is, faults included."""
-        return self._params
-
-    @params.setter
-    def params(self, params: WrenchSensorParams) -> None:
         self._params = params
         self._bias = np.array(params.bias)
         turn = np.array(params.rotation)
@@ -193,7 +189,7 @@ class WrenchMeasurement:
         self._noisy = params.noise_force > 0.0 or params.noise_torque > 0.0
         self._deviation = np.repeat((params.noise_force, params.noise_torque), 3)
 
-    def __call__(self, truth: WrenchSample, rng: np.random.Generator) -> WrenchSample | None:
+    def __call__(self, truth: WrenchSample, rng: Generator) -> WrenchSample | None:
         """Return the measured sample, or None where it is lost; noise is drawn from `rng`."""
         params, noise = self._params, rng.standard_normal(6) if self._noisy else None
         if params.silent:

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterator
-from dataclasses import fields
 from typing import Any, Final
 from xml.etree.ElementTree import Element
 
 import numpy as np
 import trimesh
+from scipy.spatial.transform import Rotation
 
 from slip_core.errors import InputError
-from slip_core.files.link_tree import origin_of, read_links
 from slip_core.files.resources import find_file
-from slip_core.files.urdf import numbers_of, parse_urdf
+from slip_core.files.urdf import MOVING, base_of, end_of, joints_on, named, numbers_of, parse_urdf
 from slip_vic.page.packing import Packer
 
 _GREY: Final = (0.7, 0.7, 0.72, 1.0)
+_NONE: Final = (0.0, 0.0, 0.0)
 
 
 def links_of(urdf: str, packer: Packer) -> tuple[list[dict[str, Any]], list[str]]:
@@ -30,20 +30,37 @@ def links_of(urdf: str, packer: Packer) -> tuple[list[dict[str, Any]], list[str]
     Raises:
         InputError: where the text is no URDF with one base.
     """
-    tree = read_links(urdf)
     robot = parse_urdf(urdf)
     colours = {
         m.get("name"): _colour(m) for m in robot.findall("material") if m.get("name") and m.find("color") is not None
     }
     missing: list[str] = []
-    links = [
-        {
-            **{field.name: getattr(link, field.name) for field in fields(link) if field.name != "element"},
-            "shapes": list(_shapes(link.element, colours, packer, missing)),
-        }
-        for link in tree
-    ]
+    elements, below = named(robot, "link"), joints_on(robot)
+    links: list[dict[str, Any]] = []
+    waiting: list[tuple[str, int, Element | None]] = [(base_of(robot), -1, None)]
+    for name, parent, joint in waiting:  # grows while it is walked
+        kind = "fixed" if joint is None else joint.get("type", "fixed")
+        axis = np.array(numbers_of(None if joint is None else joint.find("axis"), "xyz", (1.0, 0.0, 0.0)))
+        links.append(
+            {
+                "name": name,
+                "parent": parent,
+                "joint": joint.get("name", "") if joint is not None and kind in MOVING else "",
+                "kind": kind,
+                "axis": (axis / (np.linalg.norm(axis) or 1.0)).tolist(),
+                **_origin(joint),
+                "shapes": list(_shapes(elements[name], colours, packer, missing)),
+            }
+        )
+        waiting += [(end_of(one, "child"), len(links) - 1, one) for one in below.get(name, [])]
     return links, missing
+
+
+def _origin(element: Element | None) -> dict[str, list[float]]:
+    """Return position [m] and quaternion x, y, z, w of an element's origin."""
+    origin = None if element is None else element.find("origin")
+    turn = Rotation.from_euler("xyz", numbers_of(origin, "rpy", _NONE))
+    return {"position": numbers_of(origin, "xyz", _NONE), "quaternion": turn.as_quat().tolist()}
 
 
 def _shapes(
@@ -61,8 +78,7 @@ def _shapes(
             colour = _colour(material) if own else colours.get(material.get("name"), colour)
         made = _shape(shape, packer, missing)
         if made is not None:
-            position, quaternion = origin_of(visual)
-            yield {**made, "colour": colour, "position": position, "quaternion": quaternion}
+            yield {**made, "colour": colour, **_origin(visual)}
 
 
 def _shape(shape: Element, packer: Packer, missing: list[str]) -> dict[str, Any] | None:
@@ -101,8 +117,7 @@ def box_of(urdf: str) -> tuple[float, float, float]:
     Raises:
         InputError: there is none.
     """
-    for link in read_links(urdf):
-        for box in link.element.iter("box"):
-            x, y, z = numbers_of(box, "size", (0.1, 0.1, 0.1))
-            return x, y, z
+    for box in parse_urdf(urdf).iter("box"):
+        x, y, z = numbers_of(box, "size", (0.1, 0.1, 0.1))
+        return x, y, z
     raise InputError("object_description", got="no box", expected="a URDF with one box")

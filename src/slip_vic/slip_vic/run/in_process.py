@@ -128,5 +128,5 @@ def run_in_process(scenario: Scenario) -> Iterator[Tick]:
         yield tick
         for k, grip in enumerate(tick.grips):
             if grip is not None:
-                loop.bridge.set_grip_force(k, grip)
+                loop.bridge.simulation.set_grip_force(k, grip)
         loop.bridge.advance([*tick.commands])

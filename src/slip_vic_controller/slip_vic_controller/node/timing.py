@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Sequence
 
 from slip_core.stamps import NS_PER_S
-from slip_core.timing import OK, WARN, Window, spread
+from slip_core.timing import OK, WARN, spread
 
 SCALARS = (
     "period_s",
@@ -36,7 +37,7 @@ class CycleTiming:
     def __init__(self, period_s: float) -> None:
         self._period_ns = round(period_s * NS_PER_S)
         size = max(2, round(_WINDOW_S / period_s))
-        self._periods, self._computes, self._latencies = Window(size), Window(size), Window(size)
+        self._periods, self._computes, self._latencies = (deque[float](maxlen=size) for _ in range(3))
         self._began_ns: int | None = None
         self._last_stamp_ns: int | None = None
         self.overruns = self.missed = self.stale_wrench = self.stale_slip = self._reported = 0
@@ -62,9 +63,9 @@ class CycleTiming:
         self.stale_wrench += wrench_ns > self._period_ns
         self.stale_slip += slip_ns > self._period_ns
         latency_s = (wall_ns - stamp_ns) * 1e-9
-        self._periods.add(period_s)
-        self._computes.add(compute_ns * 1e-9)
-        self._latencies.add(latency_s)
+        self._periods.append(period_s)
+        self._computes.append(compute_ns * 1e-9)
+        self._latencies.append(latency_s)
         return (
             period_s,
             latency_s - compute_ns * 1e-9,
@@ -84,7 +85,7 @@ class CycleTiming:
         self._reported += late
         values: dict[str, object] = {}
         for name, window in (("period", self._periods), ("compute", self._computes), ("latency", self._latencies)):
-            for key, value in spread(window.values()).items():
+            for key, value in spread(window).items():
                 values[f"{name}_{key}_us"] = round(value * 1e6, 1)
         for name in ("overruns", "missed", "stale_wrench", "stale_slip"):
             values[name] = getattr(self, name)

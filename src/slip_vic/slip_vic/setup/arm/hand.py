@@ -12,7 +12,6 @@ from scipy.spatial.transform import Rotation
 
 from slip_core.arrays import Array
 from slip_core.errors import InputError, UnknownName
-from slip_core.files.link_tree import origin_of
 from slip_core.files.urdf import chain, end_of, moving, named, numbers_of
 
 LEAST_JOINTS = 6
@@ -122,8 +121,9 @@ def _is_finger(joint: Element) -> bool:
 
 def pose_of(joint: Element) -> tuple[Array, Array]:
     """Return the origin of a joint on its parent's axes: position (3,) [m], rotation (3, 3)."""
-    position, quaternion = origin_of(joint)
-    return np.array(position), Rotation.from_quat(quaternion).as_matrix()
+    origin, none = joint.find("origin"), (0.0, 0.0, 0.0)
+    turn = Rotation.from_euler("xyz", numbers_of(origin, "rpy", none))
+    return np.array(numbers_of(origin, "xyz", none)), turn.as_matrix()
 
 
 def axis_of(joint: Element) -> Array:
