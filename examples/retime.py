@@ -8,7 +8,6 @@ import sys
 from pathlib import Path
 
 import slip_vic
-from slip_vic.options import Choice
 from slip_vic.retime.command import run_retime
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/examples/retime")
@@ -21,5 +20,5 @@ rows = run.frame().iloc[::50]
 table = rows[["time_s", *(name for name in rows.columns if name.startswith("q_"))]]
 table.set_axis(["time", *joints], axis="columns").to_csv(folder / "taught.csv", index=False)
 
-for line in run_retime(folder / "taught.csv", Choice("paper_planar"), folder):
+for line in run_retime(folder / "taught.csv", {"scenario": "paper_planar"}, folder):
     print(line)

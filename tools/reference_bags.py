@@ -113,7 +113,7 @@ def make_references(folder: Path, tell: Callable[[str], None]) -> None:
             loaded = reference.load()
             result = Launcher(loaded, bag=staging / reference.name).run()
             with Bag(staging / reference.name) as bag:
-                verdict = verify_run(read_run(bag, {}))
+                verdict = verify_run(read_run(bag))
                 size = bag.size_bytes
                 short = [t for t in _every_tick(loaded) if bag.topic(t).message_count != result.ticks]
             if size > LARGEST_BYTES:

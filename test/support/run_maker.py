@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from slip_bags.writer import BagWriter
 from slip_core.params import build, flatten
 from slip_core.types import DisplacementSample
 from slip_msgs_py.messages.from_msgs import cartesian_reference, pose_goal
+from slip_vic.replay.run_data import RecordedRun
 from slip_vic.run.in_process import ClosedLoop, Tick
 from slip_vic.scenarios.scenario import NODES, Scenario, ros_parameter_file
 from slip_vic_controller.params.node_params import ControllerNodeParams
@@ -40,6 +42,12 @@ def attachments(scenario: Scenario) -> dict[str, bytes]:
         "arm.urdf": scenario.urdf.encode(),
         "controller.params.yaml": ros_parameter_file(scenario.controller, NODES["controller"][0]).encode(),
     }
+
+
+def with_parameters(runs: Mapping[str, RecordedRun], **changed: object) -> dict[str, RecordedRun]:
+    """Return the run of an only arm with other parameters of its controller."""
+    params = build(ControllerNodeParams, flatten(runs[""].params) | changed, "test")
+    return {"": replace(runs[""], params=params)}
 
 
 def record_run(

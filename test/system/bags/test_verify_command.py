@@ -16,7 +16,7 @@ from slip_vic.cli import bag as bag_command
 from slip_vic.replay.run_data import read_run
 from slip_vic.replay.verify import other_software, verify_run
 from slip_vic.scenarios.scenario import load_scenario
-from test.support.run_maker import record_run
+from test.support.run_maker import attachments, record_run
 
 ROOT = Path(__file__).parents[3]
 BAGS = ROOT / "bags"
@@ -51,7 +51,7 @@ def test_without_ros_installed(tmp_path):
 def test_runs_over_dds_are_identical(name, request):
     """Recorded by the launcher; in real time the order of arrival is known from the ledger alone."""
     with Bag(request.getfixturevalue(name).bag) as bag:
-        found = verify_run(read_run(bag, {}))
+        found = verify_run(read_run(bag))
     assert found.identical, found.text()
     assert found.cycles > 0
 
@@ -62,7 +62,9 @@ def test_command_and_exit_codes(tmp_path):
     record_run(recorded, scenario(cycles=SLIPPING_CYCLES))
     good = CliRunner().invoke(bag_command, ["verify", str(recorded)])
     assert (good.exit_code, good.stdout.count("\n")) == (0, 1)
-    bad = CliRunner().invoke(bag_command, ["verify", str(recorded), "--set", "controller.gains.gamma_kp=99"])
+    other = load_scenario("paper_planar", assignments=("controller.gains.gamma_kp=99",))
+    record_run(tmp_path / "other", scenario(cycles=SLIPPING_CYCLES), attached=attachments(other))
+    bad = CliRunner().invoke(bag_command, ["verify", str(tmp_path / "other")])
     assert bad.exit_code == 1
     assert "effort_command, arm_joint" in bad.stdout
 

@@ -26,26 +26,6 @@ def slip_vic(*arguments: object, cwd: Path | None = None) -> subprocess.Complete
     )
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["--scenario", "paper_plane"], ["paper_plane", "did you mean paper_planar"]),
-        (["--urdf", "nowhere.urdf"], ["nowhere.urdf"]),
-        (["--record", "/proc/bag"], ["/proc"]),
-    ],
-    ids=["while reading", "while checking", "while starting"],
-)
-def test_a_mistake_ends_the_process_with_one_line(arguments: list[str], words: list[str], tmp_path: Path) -> None:
-    """All other mistakes: test/unit/bringup/test_cli_mistakes.py."""
-    done = slip_vic("run", *arguments, cwd=tmp_path)
-    assert done.returncode == 2, done.stderr
-    lines = [line for line in done.stderr.splitlines() if line.strip()]
-    assert len(lines) == 1, done.stderr
-    assert lines[0].startswith("error: ")
-    assert all(word in lines[0] for word in words), lines[0]
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_demo_refuses_a_folder_it_cannot_write() -> None:
     done = slip_vic("demo", "--out", "/proc/out")
     assert done.returncode == 2

@@ -28,7 +28,7 @@ def test_dds_equals_in_process(tmp_path: Path, kind: str) -> None:
     with Bag(recording.bag) as bag:
         commands = [m.value for m in bag.messages("/effort_command")]
         grips = [m.value.data for m in bag.messages("/grip_command")] if "/grip_command" in bag.topics else []
-        verdict = verify_run(read_run(bag, {}))
+        verdict = verify_run(read_run(bag))
     ticks = list(run_in_process(loaded))
     assert [np.array(m.effort).tobytes() for m in commands] == [t.result.command.numbers.tobytes() for t in ticks]
     assert verdict.text().startswith("identical: 300 cycles")

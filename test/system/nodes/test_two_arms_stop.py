@@ -150,6 +150,6 @@ def test_both_arms_stop_together(
         assert together == {(True, True), (False, False)}
         assert {Mode.HOLD, Mode.FAULT} <= set(left.values())
         assert Mode.FAULT not in right.values()
-        assert verify_run(read_run(bag, {})).identical
+        assert verify_run(read_run(bag)).identical
     assert judged.worst("slip_linear_peak_m") < 1e-4
     assert judged.internal_force_n < 0.6  # N: a tenth of what friction of one pad bears

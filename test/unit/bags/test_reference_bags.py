@@ -15,6 +15,7 @@ from slip_vic.replay.verify import verify_run
 from slip_vic.run.data import read_data
 from slip_vic.run.in_process import run_in_process
 from slip_vic.run.judge import judge
+from test.support.run_maker import with_parameters
 from tools.reference_bags import LARGEST_BYTES, REFERENCES, Reference
 
 BAGS = Path(__file__).parents[3] / "bags"
@@ -29,7 +30,7 @@ def test_reference_bag(reference: Reference) -> None:
     folder = BAGS / reference.name
     assert sum(path.stat().st_size for path in folder.iterdir()) < LARGEST_BYTES
     with Bag(folder) as bag:
-        verdict = verify_run(read_run(bag, {}))
+        verdict = verify_run(read_run(bag))
     assert verdict.identical, verdict.text()
     rows = (BAGS / "README.md").read_text().splitlines()
     row = next(line for line in rows if line.startswith(f"| `{reference.name}`"))
@@ -59,7 +60,8 @@ def test_the_simulation_does_what_it_did_when_a_reference_bag_was_recorded(refer
 
 def test_a_gain_changed_in_its_last_bit_is_noticed() -> None:
     with Bag(BAGS / "paper_planar_vic") as bag:
-        stiffness = read_run(bag, {})[""].params.gains.stiffness
-        changed = [float(stiffness[0] * (1.0 + 2.0**-52)), *stiffness[1:]]
-        verdict = verify_run(read_run(bag, {"gains.stiffness": changed}))
+        runs = read_run(bag)
+    stiffness = runs[""].params.gains.stiffness
+    changed = [float(stiffness[0] * (1.0 + 2.0**-52)), *stiffness[1:]]
+    verdict = verify_run(with_parameters(runs, **{"gains.stiffness": changed}))
     assert not verdict.identical

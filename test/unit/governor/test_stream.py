@@ -242,5 +242,5 @@ def test_stream_runs_replay_identically(tmp_path) -> None:
             given[tick] = goal_message((0.1 * tick * 1e-3, 0.35, 0.5), (0, 0, 1, 0.01 * tick), 0.0, twist, stamp_ns)
         record_run(tmp_path / controller, loaded, goals=given)
         with Bag(tmp_path / controller) as bag:
-            verdict = verify_run(read_run(bag, {}))
+            verdict = verify_run(read_run(bag))
         assert verdict.text() == "identical: 200 cycles, 1400 efforts, to the last bit"

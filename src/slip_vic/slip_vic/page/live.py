@@ -16,6 +16,7 @@ from rcl_interfaces.srv import GetParameters
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 
+from slip_core.errors import SlipVicError
 from slip_core.stamps import stamp_to_ns
 from slip_msgs_py.messages.from_msgs import vector6
 from slip_msgs_py.qos import profile
@@ -198,11 +199,10 @@ def ask_parameters(asker: Asker, name: str) -> dict[str, Any]:
     """Return what a controller reports of itself; empty where there is none."""
     request = GetParameters.Request(names=list(ASKED))
     try:
-        answer = asker.call(GetParameters, f"{name}/get_parameters", request, ASK_S)
-    except LookupError:
+        values = asker.call(GetParameters, f"{name}/get_parameters", request, ASK_S).values
+    except SlipVicError:
         return {}
-    values = [] if answer is None else answer.values
-    return {key: parameter_value_to_python(v) for key, v in zip(ASKED, values, strict=False) if v.type}
+    return {key: parameter_value_to_python(v) for key, v in zip(ASKED, values, strict=True) if v.type}
 
 
 def watch(node: Node, audience: Audience, namespace: str, stop: Callable[[], object]) -> None:

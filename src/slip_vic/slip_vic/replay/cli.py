@@ -9,8 +9,7 @@ import click
 
 @click.command()
 @click.argument("bag_path", metavar="BAG", type=click.Path(path_type=Path))
-@click.option("--set", "assignments", multiple=True, metavar="KEY=VALUE", help="replace a stored parameter; repeatable")
-def verify(bag_path: Path, assignments: tuple[str, ...]) -> None:
+def verify(bag_path: Path) -> None:
     """Run the controller again on the recorded inputs and compare every effort bit by bit.
 
     Exit code 0: identical. 1: not, with the first difference. 2: this bag cannot be verified.
@@ -19,14 +18,12 @@ def verify(bag_path: Path, assignments: tuple[str, ...]) -> None:
     from rich.progress import Progress
 
     from slip_bags.reader import Bag
-    from slip_core.params import parse_assignment
     from slip_vic.replay.run_data import read_run
     from slip_vic.replay.verify import other_software, verify_run
 
     console = Console(stderr=True)
     with Bag(bag_path) as opened:
-        changes = dict(parse_assignment(text) for text in assignments)
-        runs = read_run(opened, changes)
+        runs = read_run(opened)
         notes = other_software(opened.custom_data)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task("replaying", total=sum(len(run.ledger) for run in runs.values()))

@@ -90,17 +90,16 @@ class RecordedRun:
     given: tuple[CartesianReference | PoseGoal, ...] = ()
 
 
-def read_run(bag: Bag, overrides: dict[str, Any]) -> dict[str, RecordedRun]:
+def read_run(bag: Bag) -> dict[str, RecordedRun]:
     """Read the run of each arm from a bag, by the arm's name; "" is the name of an only arm.
 
     Args:
         bag: the recording of one controller.
-        overrides: parameters to replace, by dotted name, with or without ``controller.``; of several arms ``arm.name``.
 
     Raises:
         InputError: something a replay needs is not in the bag, or messages were lost.
     """
-    params = _parameters(bag, overrides)
+    params = _parameters(bag)
     root = _namespace(bag, f"{prefix_of(next(iter(params)))}{LEDGER}")
     return {name: _read_arm(_Source(bag, root, name, tuple(params)), own) for name, own in params.items()}
 
@@ -169,12 +168,11 @@ def _attachment(bag: Bag, name: str) -> str:
     return bag.attachments[name].decode("utf-8")
 
 
-def _parameters(bag: Bag, overrides: dict[str, Any]) -> dict[str, ControllerNodeParams]:
+def _parameters(bag: Bag) -> dict[str, ControllerNodeParams]:
     values = parameters_of(PARAMETERS, bag.path, _attachment(bag, PARAMETERS))
-    named = {name.removeprefix("controller.") if name != "controller" else name: v for name, v in overrides.items()}
     arms = tuple(values.get("arms", ()))
     model = model_of_arms(ControllerNodeParams, arms) if arms else ControllerNodeParams
-    return by_arm(build(model, {**values, **named}, f"{PARAMETERS} of {bag.path}"))
+    return by_arm(build(model, values, f"{PARAMETERS} of {bag.path}"))
 
 
 def _changes(source: _Source, params: ControllerNodeParams, ledger: Series) -> dict[int, ControllerNodeParams]:

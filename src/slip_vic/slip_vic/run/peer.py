@@ -11,6 +11,7 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 
 from slip_bags.raw_subscription import RawSubscription
+from slip_core.errors import InputError, ProtocolError
 from slip_core.topics import TOPICS
 from slip_msgs_py.qos import message_class
 
@@ -44,16 +45,21 @@ class Asker:
         self._clients: dict[str, Any] = {}
 
     def call(self, kind: type, service: str, request: object, seconds: float) -> Any:
-        """Return the answer; None where it does not come in time.
+        """Return the answer.
 
         Raises:
-            LookupError: no node has the service.
+            InputError: no node has the service; ProtocolError: it does not answer in time.
         """
         client = self._clients.get(service) or self._clients.setdefault(
             service, self._node.create_client(kind, service)
         )
         if not client.wait_for_service(seconds):
-            raise LookupError(service)
+            raise InputError(
+                f"node {service.rpartition('/')[0]}", got="no answer", expected="a node that runs",
+                fix="start it first; compare --namespace and ROS_DOMAIN_ID",
+            )  # fmt: skip
         future = client.call_async(request)
         self._executor.spin_until_future_complete(future, timeout_sec=seconds)
+        if future.result() is None:
+            raise ProtocolError(f"{service} did not answer within {seconds:g} s")
         return future.result()

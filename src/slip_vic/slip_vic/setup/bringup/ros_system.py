@@ -236,22 +236,8 @@ class RosSystem:
             raise ProtocolError(f"{self._ns}/{CONTROLLER} refuses the lifecycle transition {transition}: see its log")
 
     def _call(self, kind: type, service: str, request: object) -> Any:
-        """Call a service of a node.
-
-        Raises:
-            InputError: no node has it; ProtocolError: no answer.
-        """
-        full = f"{self._ns}/{service}"
-        try:
-            answer = self._asker.call(kind, full, request, ANSWER_S)
-        except LookupError:
-            raise InputError(
-                f"node {full.rpartition('/')[0]}", got="no answer", expected="a node that runs",
-                fix="start it first; compare --namespace and ROS_DOMAIN_ID",
-            ) from None  # fmt: skip
-        if answer is None:
-            raise ProtocolError(f"{full} did not answer within {ANSWER_S:g} s")
-        return answer
+        """Call a service of a node, as `Asker.call` does."""
+        return self._asker.call(kind, f"{self._ns}/{service}", request, ANSWER_S)
 
 
 def _stamp_ns(taken: tuple[int, Any]) -> int:
