@@ -16,13 +16,14 @@ from scipy.spatial.transform import Rotation
 from slip_core.arrays import Array, matrix_from_quat_xyzw
 from slip_core.errors import InputError
 from slip_vic.cli import cli
-from slip_vic.retime.certificate import Motion, certified, pad_wrench
-from slip_vic.retime.command import governed, governor_config
+from slip_vic.retime.certificate import Motion, certified, load_shares, motion_of, pad_wrench
+from slip_vic.retime.command import governed
 from slip_vic.retime.path import PadPath, deviation, read_points, smooth_time
 from slip_vic.run.in_process import run_in_process
 from slip_vic.scenarios.reach import pad_path
 from slip_vic.scenarios.scenario import Scenario, load_scenario
 from slip_vic_controller.path.joint_path import POSE_COLUMNS, JointPath, PadMotion, Points
+from slip_vic_controller.session.controller import ArmController
 
 CLOSE = 0.02
 """Share of the arrival in closed loop: a promise of the command."""
@@ -38,11 +39,14 @@ def scenario(name: str, timing: str = "slow_down", *assignments: str) -> Scenari
 
 def planned_poses(loaded: Scenario, count: int = 120) -> Points:
     """Return the built-in path of a scenario as poses, in its own time."""
-    _, controller = governed(loaded, "slow_down")
-    x, R, _ = controller.robot.frame(np.array(loaded.bridge.initial_position))
+    x, R, _ = governed(loaded, "slow_down").robot.frame(np.array(loaded.bridge.initial_position))
     times, values = pad_path(loaded.controller.trajectory, count)
     turned = Rotation.from_rotvec(values[:, 3:]) * Rotation.from_matrix(R)
     return Points(times, np.hstack((x + values[:, :3], turned.as_quat())), POSE_COLUMNS)
+
+
+def retimed_motion(poses: Points, controller: ArmController) -> Motion:
+    return motion_of(certified(PadPath(poses), controller), controller.params.control_period_s)
 
 
 def arrival_in_closed_loop(loaded: Scenario) -> float:
@@ -92,12 +96,12 @@ def load_by_mujoco(loaded: Scenario, motion: Motion) -> Array:
 )
 def test_arrival_is_that_of_the_closed_loop_and_no_load_is_above_the_margin(name: str, timing: str) -> None:
     loaded = scenario(name, timing)
-    params, controller = governed(loaded, timing)
-    motion, certificate = certified(PadPath(planned_poses(loaded)), params, governor_config(controller))
+    controller = governed(loaded, timing)
+    params, motion = controller.params, retimed_motion(planned_poses(loaded), controller)
     reference = arrival_in_closed_loop(loaded)
     assert abs(motion.times[-1] - reference) <= CLOSE * reference
     by_mujoco = load_by_mujoco(loaded, motion)
-    np.testing.assert_allclose(by_mujoco, certificate.loads, atol=EXACT)
+    np.testing.assert_allclose(by_mujoco, load_shares(params, motion) * params.governor.friction_limit, atol=EXACT)
     assert by_mujoco.max() <= params.governor.margin * params.governor.friction_limit
     end = planned_poses(loaded).values[-1, :3]
     np.testing.assert_allclose(motion.pad.position[-1], end, atol=1e-6)
@@ -106,8 +110,7 @@ def test_arrival_is_that_of_the_closed_loop_and_no_load_is_above_the_margin(name
 
 def test_velocities_and_accelerations_are_the_derivatives_of_the_motion() -> None:
     loaded = scenario("paper_planar")
-    params, controller = governed(loaded, "slow_down")
-    motion, _ = certified(PadPath(planned_poses(loaded)), params, governor_config(controller))
+    motion = retimed_motion(planned_poses(loaded), governed(loaded, "slow_down"))
     x, v, h = motion.position, motion.velocity, motion.times[1] - motion.times[0]
     np.testing.assert_allclose((x[2:] - x[:-2]) / (2 * h), v[1:-1], atol=2e-4)
     half_a_step = 0.5 * np.abs(np.diff(motion.acceleration, axis=0)).max()  # velocities are sums of accelerations
@@ -133,9 +136,9 @@ def test_a_path_of_joints_gives_the_same_timing_as_that_of_the_pad(tmp_path: Pat
     result = pd.read_csv(tmp_path / "a" / "trajectory.csv")
     np.testing.assert_allclose(result.iloc[-1, 1:8].to_numpy(dtype=float), to, atol=1e-6)
     poses = joint_poses(loaded, result)
-    params, controller = governed(loaded, "slow_down")
-    loads = certified(PadPath(poses), params, governor_config(controller))[1].loads  # already slow enough
-    assert loads.max() <= params.governor.margin * params.governor.friction_limit
+    controller = governed(loaded, "slow_down")
+    again = retimed_motion(poses, controller)  # already slow enough
+    assert load_shares(controller.params, again).max() <= controller.params.governor.margin
     assert data["deviation"] < 1e-6
     goal = yaml.safe_load((tmp_path / "a" / "follow_joint_trajectory.yaml").read_text())["trajectory"]
     assert goal["joint_names"] == list(loaded.controller.joint_names)
@@ -146,7 +149,7 @@ def test_a_path_of_joints_gives_the_same_timing_as_that_of_the_pad(tmp_path: Pat
 
 
 def joint_poses(loaded: Scenario, table: pd.DataFrame) -> Points:
-    _, controller = governed(loaded, "slow_down")
+    controller = governed(loaded, "slow_down")
     rows = table.iloc[::15]
     poses = []
     for q in rows[list(loaded.controller.joint_names)].to_numpy(dtype=float):
@@ -201,7 +204,7 @@ def test_what_is_no_path_is_refused(tmp_path: Path, text: str, what: str) -> Non
 def test_a_missing_file_and_joints_beyond_their_ends_are_refused(tmp_path: Path) -> None:
     assert "No such file" in refused(tmp_path / "none.csv")
     loaded = scenario("paper_planar")
-    _, controller = governed(loaded, "slow_down")
+    controller = governed(loaded, "slow_down")
     names = controller.robot.joint_names
     values = np.vstack((np.array(loaded.bridge.initial_position), controller.robot.position_upper + 0.1))
     with pytest.raises(InputError, match="arm_joint1 from"):
@@ -218,18 +221,19 @@ def test_a_path_with_noise_is_refused(tmp_path: Path) -> None:
     poses = planned_poses(loaded)
     poses.times[:] *= 0.1
     poses.values[:, :3] += 1e-3 * rng.normal(size=(len(poses.times), 3))
-    params, controller = governed(loaded, "time_optimal")
     with pytest.raises(InputError, match="a path without noise"):
-        certified(PadPath(poses), params, governor_config(controller))
+        certified(PadPath(poses), governed(loaded, "time_optimal"))
 
 
 def test_the_wrench_of_a_falling_pad_is_zero_and_of_a_resting_one_the_weight() -> None:
-    g, r, J = np.array([0.0, 0.0, -9.81]), np.array([0.02, -0.01, 0.03]), np.diag([1e-3, 2e-3, 3e-3])
+    params = scenario("paper_planar", "slow_down", "contacts.position=[0.02,-0.01,0.03]").controller
+    g, r = np.array(params.gravity), np.array(params.contacts.position[:3])
     falling = PadMotion(np.zeros(3), np.eye(3), np.zeros(6), np.concatenate((g, np.zeros(3))))
-    assert np.abs(pad_wrench(0.7, J, r, g, falling)).max() < EXACT
+    assert np.abs(pad_wrench(params, falling)).max() < EXACT
     resting = falling._replace(acceleration=np.zeros(6))
-    force, torque = np.split(pad_wrench(0.7, J, r, g, resting), 2)
-    np.testing.assert_allclose(force, [0.0, 0.0, 0.7 * 9.81])
+    force, torque = np.split(pad_wrench(params, resting), 2)
+    np.testing.assert_allclose(force, -params.object.mass * g)
+    r = matrix_from_quat_xyzw(params.contacts.orientation_xyzw[:4]).T @ r
     np.testing.assert_allclose(torque, -np.cross(r, force))
 
 
@@ -294,7 +298,8 @@ def test_deviation_is_the_sagitta_of_an_arc() -> None:
 def test_points_are_read_as_they_are_written(tmp_path: Path) -> None:
     source = tmp_path / "path.csv"
     source.write_text("time, b, a\n 2.0, 1, 2\n 3.5, 3, 4\n")
-    points = read_points(source)
-    assert points.names == ("b", "a")
-    assert points.times.tolist() == [0.0, 1.5]
-    assert points.values.tolist() == [[1.0, 2.0], [3.0, 4.0]]
+    for order, values in ((("b", "a"), [[1.0, 2.0], [3.0, 4.0]]), (("a", "b"), [[2.0, 1.0], [4.0, 3.0]])):
+        points = read_points(source, order)
+        assert points.names == order
+        assert points.times.tolist() == [0.0, 1.5]
+        assert points.values.tolist() == values

@@ -1,9 +1,8 @@
-"""What `slip-vic retime` writes: a CSV file, a goal for FollowJointTrajectory, and the certificate."""
+"""What `slip-vic retime` writes of a motion: a CSV file, and a goal for FollowJointTrajectory."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -12,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from slip_core.arrays import Array
 from slip_core.types import AXES
-from slip_vic.retime.certificate import Certificate, Motion
+from slip_vic.retime.certificate import Motion
 from slip_vic_controller.path.joint_path import POSE_COLUMNS
 
 GOAL_PERIOD_S = 0.02
@@ -52,20 +51,3 @@ def write_goal(path: Path, names: tuple[str, ...], motion: Motion) -> None:
     header = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
     goal = {"trajectory": {"header": header, "joint_names": list(names), "points": points}}
     path.write_text(yaml.safe_dump(goal, default_flow_style=None, sort_keys=False), encoding="utf-8")
-
-
-def certificate_data(
-    certificate: Certificate, motion: Motion, given_s: float | None, deviation: float
-) -> dict[str, Any]:
-    """Return the numbers of a certificate; given_s: None for a path without times."""
-    return {
-        "holds": certificate.holds,
-        "arrival_s": float(motion.times[-1]),
-        "duration_given_s": given_s,
-        "friction_limit_n": certificate.limit,
-        "margin": certificate.margin,
-        "peak_share": certificate.peak_share,
-        "peak_at_s": float(motion.times[int(certificate.loads.argmax())]),
-        "deviation": deviation,
-        "samples": len(motion.times),
-    }

@@ -7,7 +7,6 @@ times only the duration of a section and the waits between sections count.
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -27,10 +26,11 @@ REST_STEP = 1e-6
 """Step between two points below which the path rests [m, rad] (ours: less than any encoder resolves)."""
 
 
-def read_points(path: Path) -> Points:
+def read_points(path: Path, joint_names: tuple[str, ...]) -> Points:
     """Read a path from a CSV file; without a column `time` [s] its times are empty.
 
-    The other columns are joint positions by joint name [rad], or the pad's pose: x y z [m], qx qy qz qw.
+    The other columns are joint positions by joint name [rad], or the pad's pose: x y z [m], qx qy qz qw. Their order
+    becomes that of the arm, and of `POSE_COLUMNS`.
 
     Raises:
         InputError: not such a file, or numbers that make no path.
@@ -38,7 +38,7 @@ def read_points(path: Path) -> Points:
     try:
         table = pd.read_csv(io.StringIO(read_text(str(path), f"path {path}")), skipinitialspace=True)
         others = [name for name in table.columns if name != "time"]
-        names = POSE_COLUMNS if set(others) == set(POSE_COLUMNS) else tuple(others)
+        names = next((known for known in (POSE_COLUMNS, joint_names) if set(known) == set(others)), tuple(others))
         values = table[list(names)].to_numpy(dtype=np.float64)
         times = table["time"].to_numpy(dtype=np.float64) if "time" in table.columns else np.empty(0)
     except ValueError as error:
@@ -118,11 +118,6 @@ def smooth_time(share: Array) -> Array:
     Implements: ours: a path that rests at both ends, whatever the times of its points.
     """
     return np.array(betaincinv(3.0, 3.0, share))
-
-
-def in_order(points: Points, names: Sequence[str]) -> Points:
-    """Return points with their columns in another order."""
-    return Points(points.times, points.values[:, [points.names.index(name) for name in names]], tuple(names))
 
 
 def deviation(points: Points, motion: Array) -> float:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,42 +28,32 @@ LONGEST = 30.0
 """Times the duration of the path as given after which the search for a timing is given up."""
 
 
-@dataclass(frozen=True)
-class Timing:
-    """When the path is where: at times (m,) [s] its own time (m,) [s], with first and second derivative."""
+class Sample(NamedTuple):
+    """Where a motion is on its path at a control period: the path's own time [s] with first and second derivative."""
 
-    times: Array
-    path_times: Array
-    rates: Array
-    rate_rates: Array
-
-
-def held_object(params: ControllerParams) -> Array:
-    """Return the HELD_OBJECT of the parameters: the object on the axes of the pad, as it was grasped."""
-    R = matrix_from_quat_xyzw(params.contacts.orientation_xyzw[:4])
-    buffer = new(HELD_OBJECT)
-    held: HeldObject = record(buffer, HELD_OBJECT)
-    held.mass = params.object.mass
-    held.inertia[:] = R.T @ inertia_from_six(params.object.inertia, "parameter object.inertia") @ R
-    held.r[:] = R.T @ np.array(params.contacts.position[:3])
-    return buffer
+    path: GivenPath
+    time: float
+    rate: float
+    rate_rate: float
 
 
-def retimed(path: GivenPath, config: Array, held: Array, period_s: float) -> Timing:
-    """Return the timing of a path, a row per control period.
+def retimed(path: GivenPath, config: Array, params: ControllerParams) -> list[Sample]:
+    """Return the timing of a path, a sample per control period.
 
     Args:
         path: at rest at both ends.
-        config: GOVERNOR_CONFIG.
-        held: HELD_OBJECT.
-        period_s: control period [s].
+        config: GOVERNOR_CONFIG, with the duration of the path.
+        params: with the object, as it was grasped.
 
     Raises:
         InputError: friction cannot carry the weight somewhere on the path, or the path comes to no end.
     """
-    memory = new(MEMORY)
-    config = config.copy()
-    record(config, GOVERNOR_CONFIG).duration = path.duration
+    memory, held, period_s = new(MEMORY), new(HELD_OBJECT), params.control_period_s
+    grasped: HeldObject = record(held, HELD_OBJECT)  # on the axes of the pad
+    R = matrix_from_quat_xyzw(params.contacts.orientation_xyzw[:4])
+    grasped.mass = params.object.mass
+    grasped.inertia[:] = R.T @ inertia_from_six(params.object.inertia, "parameter object.inertia") @ R
+    grasped.r[:] = R.T @ np.array(params.contacts.position[:3])
     times = np.empty(GRID_POINTS)
     sample_times(config, times)
     motion = [path.pad(float(at)) for at in times]
@@ -73,22 +62,22 @@ def retimed(path: GivenPath, config: Array, held: Array, period_s: float) -> Tim
     state: Any = record(memory, MEMORY).governor
     if state.infeasible:
         _refuse_too_heavy(path, config, state)
-    step, rows, at = new(STEP), [(0.0, 0.0, 0.0, 0.0)], 0.0
+    step, samples = new(STEP), [Sample(path, 0.0, 0.0, 0.0)]
     out: Any = record(step, STEP)
     most = round(LONGEST * path.duration / period_s)
     while out.arrived == 0.0:
-        if len(rows) > most:
+        if len(samples) > most:
+            share = 100.0 * samples[-1].time / path.duration
             raise InputError(
-                "timing", got=f"{100.0 * at / path.duration:.0f} % of the path after {len(rows) * period_s:.0f} s",
+                "timing", got=f"{share:.0f} % of the path after {len(samples) * period_s:.0f} s",
                 expected="the end of the path", fix="more grip or friction, or a path without noise",
             )  # fmt: skip
         pad = path.pad(float(state.time))
         step_timing(config, memory, held, pad.rotation, pad.twist, pad.acceleration, period_s, step)
         pad = path.pad(float(out.time))
         time_derivatives(config, memory, pad.rotation, pad.twist, pad.acceleration, step)
-        at = float(out.time)
-        rows.append((len(rows) * period_s, at, float(out.rate), float(out.rate_rate)))
-    return Timing(*np.array(rows).T)
+        samples.append(Sample(path, float(out.time), float(out.rate), float(out.rate_rate)))
+    return samples
 
 
 def _refuse_too_heavy(path: GivenPath, config: Array, state: Any) -> None:
