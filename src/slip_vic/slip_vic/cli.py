@@ -29,7 +29,6 @@ from slip_vic.setup.cli import arm, bringup, identify
 if TYPE_CHECKING:
     from slip_vic.run.launcher import RunResult
     from slip_vic.run.run import Run
-    from slip_vic.scenarios.scenario import Scenario
 
 LONGEST_END_S = 2.0  # after a signal, where nothing has been started
 LONGEST_JUDGED_S = 60.0
@@ -78,62 +77,58 @@ def run(
 
     from rich.console import Console
 
+    console, done = Console(stderr=True), None
     if in_process:
         if choice["mode"] == "realtime" or record is not None:
             given = "--record" if record is not None else "--mode realtime"
             raise InputError("--in-process", got=given, expected="lockstep without DDS: there is nothing to record")
-        with Console(stderr=True).status(f"{loaded.name} {loaded.law}"):
+        with console.status(f"{loaded.name} {loaded.law}"):
             done = loaded.run()
-        for line in summary_lines(done):
-            click.echo(line)
-        if page is not None:
-            click.echo(f"page: {done.page(page)}")
-        end_with([] if done.outcome == "ok" else [done.reason])
-        return
-    if page is not None and record is None and loaded.duration_s > LONGEST_JUDGED_S:
-        raise InputError(
-            "--page", got=f"no --record, and {loaded.duration_s:g} s", expected="a bag to draw", fix="--record BAG"
-        )
+        bad = [] if done.outcome == "ok" else [done.reason]
+    else:
+        judged = record is not None or loaded.duration_s <= LONGEST_JUDGED_S
+        if page is not None and not judged:
+            got = f"no --record, and {loaded.duration_s:g} s"
+            raise InputError("--page", got=got, expected="a bag to draw", fix="--record BAG")
+        from slip_msgs_py.environment import check_ros
+        from slip_msgs_py.realtime import ProcessOptions, parse_cores
+        from slip_vic.run.launcher import Launcher
 
-    from slip_msgs_py.environment import check_ros
-    from slip_msgs_py.realtime import ProcessOptions, parse_cores
-    from slip_vic.run.launcher import Launcher
+        check_ros()
+        from slip_vic.run.judge import judge_bag
+        from slip_vic.run.progress import progress
 
-    check_ros()
-    from slip_vic.run.progress import run_progress
-
-    process = ProcessOptions(parse_cores(cpus) if cpus else (), fifo, lock_memory)
-    with tempfile.TemporaryDirectory(prefix="slip_vic_run_") as folder:
-        judged = Path(folder) / "bag" if loaded.duration_s <= LONGEST_JUDGED_S else None
-        launcher = Launcher(
-            loaded, bag=record or judged, keep_bag=record is not None, wanted_domain=domain_id, namespace=namespace,
-            process=process,
-        )  # fmt: skip
-        with run_progress(Console(stderr=True)) as add_bar:
-            result = launcher.run(
-                add_bar(f"{loaded.name} {loaded.law}", loaded.duration_s),
-                lambda domain: click.echo(f"ROS domain {domain}; slip-vic watch shows the run"),
-            )
-        for line in result_lines(result, loaded):
+        process = ProcessOptions(parse_cores(cpus) if cpus else (), fifo, lock_memory)
+        with tempfile.TemporaryDirectory(prefix="slip_vic_run_") as folder:
+            launcher = Launcher(
+                loaded, bag=record or (Path(folder) / "bag" if judged else None), keep_bag=record is not None,
+                wanted_domain=domain_id, namespace=namespace, process=process,
+            )  # fmt: skip
+            with progress(console, unit=" s") as add_bar:
+                result = launcher.run(
+                    add_bar(f"{loaded.name} {loaded.law}", loaded.duration_s),
+                    lambda domain: click.echo(f"ROS domain {domain}; slip-vic watch shows the run"),
+                )
+            done = None if result.bag is None else judge_bag(result.bag, loaded, result.incidents)
+        bad = [str(incident) for incident in result.incidents]
+        for line in result_lines(result):
             click.echo(line)
         for line in result.warnings:
             click.echo(f"warning: {line}", err=True)
         if record is not None:
             click.echo(f"bag: {record} ({result.messages} messages, {result.lost} lost)")
+    if done is not None:
+        for line in summary_lines(done):
+            click.echo(line)
         if page is not None:
-            from slip_vic.page.page import write_page
-            from slip_vic.run.data import read_data
-
-            assert result.bag is not None
-            write_page(page, {loaded.law: read_data(result.bag)}, command="slip-vic run")
-            click.echo(f"page: {page}")
+            click.echo(f"page: {done.page(page)}")
         elif record is not None:
             click.echo(f"page: slip-vic report {record} -o report.html")
-    end_with(map(str, result.incidents))
+    end_with(bad)
 
 
-def result_lines(result: RunResult, scenario: Scenario) -> Iterator[str]:
-    """Yield what is said of a run over DDS at its end: its time, what its bag shows, where the bag is."""
+def result_lines(result: RunResult) -> Iterator[str]:
+    """Yield what is said of a run over DDS at its end: its time, and where it could not be judged."""
     yield (
         f"{result.ticks} ticks, {result.sim_time_s:.3f} s simulated in {result.wall_time_s:.2f} s "
         f"({result.real_time_factor:.2f} x real time)"
@@ -147,10 +142,6 @@ def result_lines(result: RunResult, scenario: Scenario) -> Iterator[str]:
         )
     if result.bag is None:
         yield "slip, error and arrival: with --record BAG, or --in-process"
-        return
-    from slip_vic.run.judge import judge_bag
-
-    yield from summary_lines(judge_bag(result.bag, scenario, result.incidents))
 
 
 def summary_lines(run: Run) -> Iterator[str]:

@@ -65,7 +65,8 @@ def faults(
         report(len(verdicts), f"{len(failed)} with violations")
 
     try:
-        with progress("fault trials", trials, 0, console) as report:
+        with progress(console, lines=True) as add_bar:
+            report = add_bar("fault trials", trials)
             processes = workers or min(trials, os.cpu_count() or 1)
             campaign.run_campaign(range(first, first + trials), seed, interface or "", processes, out, on_done)
     finally:

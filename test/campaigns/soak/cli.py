@@ -24,11 +24,11 @@ def soak(minutes: float, rate: float, scenario: str, out: Path) -> None:
 
     Exit code 1 where something grows: the slope is the median over all pairs of samples after the warm-up.
     """
-    from slip_vic.run.progress import run_progress
+    from slip_vic.run.progress import progress
     from test.campaigns.soak.growth import grows, growth_of
     from test.campaigns.soak.run import run_soak, soak_scenario
 
-    with run_progress(Console(stderr=True)) as add_bar:
+    with progress(Console(stderr=True), unit=" s") as add_bar:
         on_time = add_bar(f"soak at {rate:g} Hz", 60.0 * minutes)
         result, series = run_soak(soak_scenario(scenario, minutes, rate), minutes, on_time)
     growth = {name: growth_of(samples) for name, samples in series.items()}

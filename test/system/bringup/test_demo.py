@@ -29,7 +29,6 @@ def test_summary_has_the_documented_form(demo: tuple[Path, str]) -> None:
     for run in summary["runs"].values():
         assert set(run) >= NUMBERS
         assert all(isinstance(run[name], int | float) for name in NUMBERS)
-        assert len(run["tracking_rms"]) == len(run["final_error"]) == 6
         assert run["ticks"] == 1000 * DEMO_S
         assert run["messages_lost"] == 0
 

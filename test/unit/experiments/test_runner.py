@@ -40,7 +40,8 @@ def test_a_worker_with_other_versions_is_named() -> None:
 def test_progress_without_a_terminal_is_lines() -> None:
     now = [0.0]
     written = io.StringIO()
-    with progress("study", 100, 40, Console(file=written, get_time=lambda: now[0])) as report:
+    with progress(Console(file=written, get_time=lambda: now[0]), lines=True) as add_bar:
+        report = add_bar("study", 100, 40)
         for done in range(41, 101):
             now[0] += 0.5
             report(done, "1 workers died" if done > 90 else "")

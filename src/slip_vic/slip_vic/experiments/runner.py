@@ -98,7 +98,8 @@ def fill(
     with rows_added(path, wanted) as (done, add):
         left = [world for world in worlds if world.key not in done]
         there = len(worlds) - len(left)
-        with progress(name, len(worlds), there, Console(stderr=True)) as report:
+        with progress(Console(stderr=True), lines=True) as add_bar:
+            report = add_bar(name, len(worlds), there)
             if left:
                 prepare()  # here, before workers that start together all begin to
             for now, (world, row) in enumerate(workers.run(run_on_worker, wanted, left), there + 1):

@@ -10,14 +10,12 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
 
-import pandas as pd
-
 from slip_vic.page.packing import Packer, compressed
 from slip_vic.page.plots import describe_plots
 from slip_vic.page.runs import colours, describe, grid, on_grid
 from slip_vic.page.scripts import read_static, three, uplot
 from slip_vic.run.data import FACTS, RunData
-from slip_vic.run.metrics import summarise, summary_rows
+from slip_vic.run.metrics import summarise, summary_table
 from slip_vic.scenarios.parameter_files import write_files
 
 MODULES: Final = (
@@ -128,6 +126,4 @@ def _script(text: str) -> str:
 def _table(numbers: Mapping[str, Mapping[str, Any]]) -> str:
     if not numbers:
         return "<p>These bags hold no ground truth of the object, so there are no numbers of its slip.</p>"
-    rows = summary_rows(list(numbers.values()))
-    table = pd.DataFrame([row.texts for row in rows], index=[row.label for row in rows], columns=list(numbers))
-    return str(table.to_html(table_id="summary", border=0))
+    return str(summary_table(numbers).to_html(table_id="summary", border=0))

@@ -11,7 +11,6 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -22,9 +21,9 @@ from slip_vic.page.page import write_page
 from slip_vic.run.data import RunData
 from slip_vic.run.judge import judge_bag
 from slip_vic.run.launcher import Launcher
-from slip_vic.run.metrics import summary_rows
+from slip_vic.run.metrics import ROWS, summary_table
 from slip_vic.run.prepare import prepare
-from slip_vic.run.progress import run_progress
+from slip_vic.run.progress import progress
 from slip_vic.run.run import Run
 from slip_vic.run.versions import versions
 from slip_vic.scenarios.scenario import GOVERNED, Law, Scenario, load_scenario, read_parameters
@@ -88,7 +87,7 @@ def _over_dds(
     loaded: Mapping[Law, Scenario], folder: Path, console: Console, domain: int | None
 ) -> Iterator[tuple[Run, Numbers]]:
     """Run as processes and record a bag of each into `folder`; yield the runs, and what their processes count."""
-    with run_progress(console) as add_bar:
+    with progress(console, unit=" s") as add_bar:
         bars = {law: add_bar(f"{made.name} {law}", made.duration_s) for law, made in loaded.items()}
         for law, scenario in loaded.items():
             result = Launcher(scenario, bag=folder / law, wanted_domain=domain).run(bars[law])
@@ -117,9 +116,7 @@ def numbers_of(run: Run) -> Numbers:
     """Return the numbers of a run for a table and for summary.json: of several arms those of the worst, and of each."""
     arms = list(run.summary.values())
     numbers: Numbers = {"outcome": run.outcome, "reason": run.reason}
-    for name in arms[0] if arms else ():
-        values = [arm[name] for arm in arms]
-        numbers[name] = max(values, key=lambda value: float(np.linalg.norm(value)))
+    numbers |= {name: run.worst(name) for name in (arms[0] if arms else ())}
     if len(arms) > 1:
         numbers |= {"internal_peak_n": run.internal_force_n, "arms": run.summary}
     return numbers
@@ -141,10 +138,10 @@ def comparison_table(scenario: str, runs: Mapping[str, Mapping[str, Any]]) -> Ta
         table.add_column(name, justify="right")
     table.add_column("classical / vic", justify="right")
 
-    for row in summary_rows(list(runs.values())):
-        first, second = row.values[:2]
-        ratio = f"{first / second:.1f}" if row.key.startswith("slip_") and second > 0.0 else ""
-        table.add_row(escape(row.label), *row.texts, ratio)
+    slips = {label: [run[key] for run in runs.values()] for key, label, *_ in ROWS if key.startswith("slip_")}
+    for label, texts in summary_table(runs).iterrows():
+        first, second, *_ = slips.get(str(label), (0.0, 0.0))
+        table.add_row(escape(str(label)), *texts, f"{first / second:.1f}" if second > 0.0 else "")
     table.add_row("ticks", *(f"{run['ticks']:d}" for run in runs.values()), "")
     if all("real_time_factor" in run for run in runs.values()):
         table.add_row("simulated / wall time", *(f"{run['real_time_factor']:.2f}" for run in runs.values()), "")

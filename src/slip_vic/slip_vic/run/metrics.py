@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
+import pandas as pd
 from scipy.spatial.transform import Rotation
 
 from slip_core.arrays import Array
@@ -20,11 +21,11 @@ AT_REST = 1e-3
 """Speed of the reference below which its path is over [m/s, rad/s]."""
 
 
-def summarise(run: ArmData) -> dict[str, Any]:
+def summarise(run: ArmData) -> dict[str, float]:
     """Return slip, tracking and effort of one run.
 
     slip_*: norm of the displacement of the pad on the object, at the end and at its peak, and peak sliding
-    speed. tracking_rms, final_error: pose error e of the law (x, y, z, rx, ry, rz) [m, rad], and its norms. arrival_s:
+    speed. tracking_rms, final_error: norms of the pose error e of the law [m], [rad]. arrival_s:
     from when on the pad stays within 1 mm and 0.5 degrees of the end of its path; NaN where it does not.
     effort_rate_rms: of the norm of the change of all efforts from tick to tick. What the law reports is NaN where it
     was never at work.
@@ -42,10 +43,8 @@ def summarise(run: ArmData) -> dict[str, Any]:
         "slip_angular_rad": float(angular[-1]),
         "slip_linear_peak_m": float(linear.max()),
         "slip_speed_peak_m_s": float(np.linalg.norm(slip_velocity[:, :3], axis=1).max()),
-        "tracking_rms": rms.tolist(),
         "tracking_rms_m": float(np.linalg.norm(rms[:3])),
         "tracking_rms_rad": float(np.linalg.norm(rms[3:])),
-        "final_error": evaluated[-1].tolist(),
         "final_error_m": float(np.linalg.norm(evaluated[-1, :3])),
         "final_error_rad": float(np.linalg.norm(evaluated[-1, 3:])),
         "arrival_s": arrival_s(run),
@@ -118,28 +117,18 @@ def effort_rate(run: ArmData) -> float:
     return float(np.sqrt(np.mean((np.diff(effort, axis=0) ** 2).sum(axis=1))) / period)
 
 
-class SummaryRow(NamedTuple):
-    """One row of a table that compares runs: its numbers in the unit of its label, and as they are shown."""
-
-    key: str
-    label: str
-    values: tuple[float, ...]
-    texts: tuple[str, ...]
-
-
-def summary_rows(runs: Sequence[Mapping[str, Any]]) -> list[SummaryRow]:
-    """Return what tables show of some runs, each as `summarise` returns it: the rows that all of them have."""
-    found = []
-    for key, label, scale, digits in _ROWS:
-        if all(key in run for run in runs):
-            values = tuple(scale * float(run[key]) for run in runs)
-            texts = tuple("-" if math.isnan(value) else f"{value:.{digits}f}" for value in values)
-            found.append(SummaryRow(key, label, values, texts))
-    return found
+def summary_table(runs: Mapping[str, Mapping[str, Any]]) -> pd.DataFrame:
+    """Return the numbers of some runs by name, each as `summarise` returns it, that all of them have, as texts."""
+    rows = {
+        label: [f"{scale * run[key]:.{digits}f}" if not math.isnan(run[key]) else "-" for run in runs.values()]
+        for key, label, scale, digits in ROWS
+        if all(key in run for run in runs.values())
+    }
+    return pd.DataFrame.from_dict(rows, orient="index", columns=list(runs))
 
 
 _DEG = 180.0 / math.pi
-_ROWS: tuple[tuple[str, str, float, int], ...] = (
+ROWS: tuple[tuple[str, str, float, int], ...] = (
     ("slip_linear_m", "slip at the end [mm]", 1e3, 2),
     ("slip_angular_rad", "slip at the end [deg]", _DEG, 2),
     ("slip_linear_peak_m", "peak slip [mm]", 1e3, 2),

@@ -1,4 +1,4 @@
-"""How far something is: bars on a terminal; elsewhere nothing of single runs, and a line now and then of many."""
+"""How far something is: bars on a terminal; elsewhere nothing, or a line now and then."""
 
 from __future__ import annotations
 
@@ -6,64 +6,44 @@ import contextlib
 from collections.abc import Callable, Iterator
 
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TaskProgressColumn,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 EVERY_S = 10.0
 """Time between two lines where there is no terminal [s]."""
 
-Report = Callable[[int, str], None]
+Report = Callable[..., None]
+"""Takes how much is done, and a remark."""
+
+
+AddBar = Callable[..., Report]
+"""Adds a bar of a name and total, of which some is done; returns the function that sets how far it is."""
 
 
 @contextlib.contextmanager
-def progress(name: str, total: int, done: int, console: Console) -> Iterator[Report]:
-    """Show progress while the block runs; it is given a function that takes the number done and a remark.
+def progress(console: Console, *, unit: str = "", lines: bool = False) -> Iterator[AddBar]:
+    """Show bars while the block runs, which is given the function that adds one.
 
     Args:
-        name: of what runs.
-        total: number of cases.
-        done: how many were done before.
-        console: where to; a line now and then, and one at the end, instead of a bar where it is no terminal.
+        console: where to.
+        unit: behind the numbers.
+        lines: one now and then, and one at the end, instead of bars where the console is no terminal.
     """
     columns = (
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn(),
-        TextColumn("{task.fields[remark]}"),
-    )  # fmt: skip
-    with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
-        task, said_s = bar.add_task(name, total=total, completed=done, remark=""), bar.get_time()
-
-        def report(now: int, remark: str) -> None:
-            nonlocal said_s
-            bar.update(task, completed=now, remark=remark)
-            if not console.is_terminal and (now == total or bar.get_time() >= said_s + EVERY_S):
-                said_s = bar.get_time()
-                console.print(", ".join(filter(None, (f"{name}: {now} of {total} done", remark))), highlight=False)
-
-        yield report
-
-
-AddBar = Callable[[str, float], Callable[[float], None]]
-"""Adds a bar of this name and simulated time [s]; returns the function that sets how far it is [s]."""
-
-
-@contextlib.contextmanager
-def run_progress(console: Console) -> Iterator[AddBar]:
-    """Show bars of simulated time, one per run, while the block runs."""
-    columns = (
-        TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(),
-        TextColumn("{task.completed:.1f}/{task.total:.1f} s"), TimeElapsedColumn(), TimeRemainingColumn(),
+        TextColumn("{task.description}"), BarColumn(), TextColumn(f"{{task.completed:g}}/{{task.total:g}}{unit}"),
+        TimeElapsedColumn(), TimeRemainingColumn(), TextColumn("{task.fields[remark]}"),
     )  # fmt: skip
     with Progress(*columns, console=console, disable=not console.is_terminal) as bars:
 
-        def add(name: str, duration_s: float) -> Callable[[float], None]:
-            task = bars.add_task(name, total=duration_s)
-            return lambda time_s: bars.update(task, completed=time_s)
+        def add(name: str, total: float, done: int = 0) -> Report:
+            task, said_s = bars.add_task(name, total=total, completed=done, remark=""), bars.get_time()
+
+            def report(now: float, remark: str = "") -> None:
+                nonlocal said_s
+                bars.update(task, completed=round(now, 1), remark=remark)
+                if lines and not console.is_terminal and (now == total or bars.get_time() >= said_s + EVERY_S):
+                    said_s = bars.get_time()
+                    console.print(", ".join(filter(None, (f"{name}: {now} of {total} done", remark))), highlight=False)
+
+            return report
 
         yield add
