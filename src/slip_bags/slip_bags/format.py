@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import yaml
 
@@ -36,6 +36,16 @@ class TopicInfo:
     type_hash: str = ""
     message_count: int = 0
     encoding: str = "cdr"
+
+
+class RawMessage(NamedTuple):
+    """One stored message, not decoded: received and sent [ns], the publisher's number of it, its CDR bytes."""
+
+    topic: str
+    log_time_ns: int
+    publish_time_ns: int
+    sequence: int
+    data: bytes
 
 
 def qos_text(profiles: Sequence[QosProfile]) -> str:

@@ -24,7 +24,7 @@ from mcap.records import Message, Schema
 from mcap.summary import Summary
 from mcap_ros2.decoder import DecoderFactory
 
-from slip_bags.format import TopicInfo, parse_custom_data
+from slip_bags.format import RawMessage, TopicInfo, parse_custom_data
 from slip_bags.mcap_file import (
     DAMAGE,
     LATEST_NS,
@@ -41,16 +41,6 @@ from slip_core.files.resources import MAX_BYTES, open_file
 MOST_CHANNELS: Final = 4096
 MAX_DECODED: Final = MAX_BYTES // 32
 """Bytes of a message that is decoded: an object for each byte is the most that it can become."""
-
-
-class RawMessage(NamedTuple):
-    """One stored message, not decoded; times in nanoseconds."""
-
-    topic: str
-    log_time_ns: int
-    publish_time_ns: int
-    sequence: int
-    data: bytes
 
 
 class DecodedMessage(NamedTuple):

@@ -9,20 +9,19 @@ from __future__ import annotations
 import json
 import shutil
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
-from operator import itemgetter
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, Final
 
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.type_hash import TypeHash
 
-from slip_bags.format import QosProfile, TopicInfo
-from slip_bags.raw_subscription import Arrival, RawSubscription
+from slip_bags.format import QosProfile, RawMessage, TopicInfo
 from slip_bags.typedefs import find_definition
 from slip_bags.writer import BagWriter, StorageError
 from slip_core.errors import InputError
@@ -60,14 +59,40 @@ class LossCounter:
         self._last = sequence  # a lower number is of the next publisher, again from 1
 
 
-@dataclass(slots=True)
-class _Topic:
-    """One recorded topic: its subscription, what every publisher offered when it was made, and the publishers now."""
+class RawSubscription:
+    """Takes raw messages of one topic with their times and numbers, without decoding; its node must be in no executor.
 
-    subscription: RawSubscription
-    offered: tuple[bool, bool]
-    publishers: int = 0
-    loss: LossCounter = field(default_factory=LossCounter)
+    `rclpy` hands these only to its own executors; the method they call is used here directly.
+
+    Args:
+        node: owner of the subscription.
+        kind: class of the messages.
+        name: of the topic.
+        requested: of its publishers.
+
+    Attributes:
+        publishers: how many there are.
+    """
+
+    def __init__(self, node: Node, kind: type, name: str, requested: QoSProfile) -> None:
+        self.kind, self.name, self.requested = kind, name, requested
+        self.publishers, self.loss = 0, LossCounter()
+        self.subscription = node.create_subscription(kind, name, lambda _: None, requested, raw=True)
+        self._last_ns = 0
+
+    def drain(self) -> Iterator[RawMessage]:
+        """Yield what is there now, in the order of sending and with times that do not go back.
+
+        What was lost on its way and sent again makes those behind it wait, though they were received before it.
+        """
+        handle = self.subscription.handle
+        with handle:
+            while (taken := handle.take_message(self.kind, True)) is not None:
+                data, info = taken
+                self._last_ns = max(self._last_ns, info["received_timestamp"])
+                number = info["publication_sequence_number"] or 0
+                self.loss.add(number)
+                yield RawMessage(self.name, self._last_ns, info["source_timestamp"], number, bytes(data))
 
 
 class Recorder:
@@ -87,7 +112,7 @@ class Recorder:
         self._node, self._writer, self._warn = node, writer, warn
         self._named = {node.resolve_topic_name(name) for name in topics}
         self._everything = everything
-        self._topics: dict[str, _Topic] = {}
+        self._topics: dict[str, RawSubscription] = {}
         self._warned: set[str] = set()
         self._next_discovery = 0.0
 
@@ -96,7 +121,7 @@ class Recorder:
         """Whether every topic requested by name has a publisher, and all of them are matched."""
         return all(
             (topic := self._topics.get(name)) is not None
-            and topic.subscription.publisher_count() >= max(topic.publishers, 1)
+            and topic.subscription.get_publisher_count() >= max(topic.publishers, 1)
             for name in self._named
         )
 
@@ -110,14 +135,9 @@ class Recorder:
         if now >= self._next_discovery:
             self._discover()
             self._next_discovery = now + (DISCOVERY_S if self.ready else POLL_S)
-        batch: list[tuple[int, str, Arrival]] = []
-        for name, topic in self._topics.items():
-            for arrival in topic.subscription.drain():
-                topic.loss.add(arrival.sequence)
-                batch.append((arrival.received_ns, name, arrival))
-        batch.sort(key=itemgetter(0))
-        for received_ns, name, arrival in batch:
-            self._writer.write(name, received_ns, arrival.sent_ns, arrival.sequence, arrival.data)
+        messages = [message for topic in self._topics.values() for message in topic.drain()]
+        for message in sorted(messages, key=attrgetter("log_time_ns")):
+            self._writer.write(*message)
 
     def finish(self) -> dict[str, Any]:
         """Drain a last time and unsubscribe; return the summary. The bag stays open."""
@@ -126,7 +146,7 @@ class Recorder:
             self.poll()
             time.sleep(POLL_S)
         for topic in self._topics.values():
-            topic.subscription.close()
+            self._node.destroy_subscription(topic.subscription)
         return self.summary()
 
     def totals(self) -> tuple[int, int]:
@@ -154,7 +174,8 @@ class Recorder:
                 topic.publishers = len(infos)
                 if len(infos) > 1:
                     topic.loss.lost = None
-                if any(now < before for now, before in zip(_common(infos), topic.offered, strict=True)):
+                offered, heard = _common([info.qos_profile for info in infos]), _common([topic.requested])
+                if any(now < before for now, before in zip(offered, heard, strict=True)):
                     self._warn_once(f"topic {name}: a publisher that offers a weaker QoS than the first is not heard")
 
     def _find(self, name: str, type_names: Sequence[str]) -> None:
@@ -173,9 +194,9 @@ class Recorder:
         hashes = {_hash_text(info) for info in infos}
         type_hash = hashes.pop() if len(hashes) == 1 else ""
         self._writer.add_topic(TopicInfo(name, type_names[0], tuple(map(_offer, infos)), type_hash), definition)
-        reliable, transient_local = offered = _common(infos)
-        requested = profile(QUEUE_DEPTH, reliable=reliable, latched=transient_local)
-        self._topics[name] = _Topic(RawSubscription(self._node, kind, name, requested), offered)
+        reliable, latched = _common([info.qos_profile for info in infos])
+        requested = profile(QUEUE_DEPTH, reliable=reliable, latched=latched)
+        self._topics[name] = RawSubscription(self._node, kind, name, requested)
 
     def _warn_once(self, text: str) -> None:
         if text not in self._warned:
@@ -241,11 +262,11 @@ def _flush(writer: BagWriter) -> None:
     writer.flush()
 
 
-def _common(infos: Sequence[TopicEndpointInfo]) -> tuple[bool, bool]:
-    """Return whether every publisher is reliable, and whether every one is transient local."""
+def _common(profiles: Sequence[QoSProfile]) -> tuple[bool, bool]:
+    """Return whether every one is reliable, and whether every one is transient local."""
     return (
-        all(info.qos_profile.reliability == ReliabilityPolicy.RELIABLE for info in infos),
-        all(info.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for info in infos),
+        all(each.reliability == ReliabilityPolicy.RELIABLE for each in profiles),
+        all(each.durability == DurabilityPolicy.TRANSIENT_LOCAL for each in profiles),
     )
 
 

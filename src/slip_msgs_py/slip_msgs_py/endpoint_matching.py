@@ -15,45 +15,35 @@ from slip_core.errors import ProtocolError
 FIRST_SAID_S, SAID_AGAIN_S = 1.0, 10.0
 
 
-class EndpointMatching:
-    """The endpoints a node needs: publishers with a least number of subscribers, subscriptions with a publisher.
+def missing_endpoints(
+    node: Node, publishers: Iterable[tuple[Publisher, int]], subscriptions: Iterable[Subscription]
+) -> list[str]:
+    """Return one phrase per endpoint of a node that is not matched yet.
 
     Args:
         node: the node that owns them.
         publishers: (publisher, least number of subscribers).
         subscriptions: subscriptions that each need at least one publisher.
     """
+    phrases = [
+        f"{subscription.topic_name} has no {_adjective(node, subscription)}publisher"
+        for subscription in subscriptions
+        if subscription.get_publisher_count() < 1
+    ]
+    for publisher, least in publishers:
+        count = publisher.get_subscription_count()
+        if count < least:
+            phrases.append(f"{publisher.topic_name} has {count} of {least} subscribers")
+    return phrases
 
-    def __init__(
-        self,
-        node: Node,
-        *,
-        publishers: Iterable[tuple[Publisher, int]] = (),
-        subscriptions: Iterable[Subscription] = (),
-    ) -> None:
-        self._node = node
-        self._publishers = tuple(publishers)
-        self._subscriptions = tuple(subscriptions)
 
-    def missing(self) -> list[str]:
-        """Return one phrase per endpoint that is not matched yet."""
-        phrases = []
-        for subscription in self._subscriptions:
-            if subscription.get_publisher_count() < 1:
-                phrases.append(f"{subscription.topic_name} has no {self._adjective(subscription)}publisher")
-        for publisher, least in self._publishers:
-            count = publisher.get_subscription_count()
-            if count < least:
-                phrases.append(f"{publisher.topic_name} has {count} of {least} subscribers")
-        return phrases
-
-    def _adjective(self, subscription: Subscription) -> str:
-        """Return what is wrong with publishers that are there but do not match: their QoS."""
-        for info in self._node.get_publishers_info_by_topic(subscription.topic_name):
-            verdict, reason = qos_check_compatible(info.qos_profile, subscription.qos_profile)
-            if verdict == QoSCompatibility.ERROR:
-                return f"QoS-compatible ({' '.join(reason.split()).rstrip(';')}) "
-        return ""
+def _adjective(node: Node, subscription: Subscription) -> str:
+    """Return what is wrong with publishers that are there but do not match: their QoS."""
+    for info in node.get_publishers_info_by_topic(subscription.topic_name):
+        verdict, reason = qos_check_compatible(info.qos_profile, subscription.qos_profile)
+        if verdict == QoSCompatibility.ERROR:
+            return f"QoS-compatible ({' '.join(reason.split()).rstrip(';')}) "
+    return ""
 
 
 class Waiting:

@@ -38,7 +38,7 @@ class ArmTopics:
         part = NodePart(node, prefix)
         interface = params.drive.interface
         self.command_topic = f"{prefix}{interface}_command"
-        names, frame, order = params.joint_names, params.ee_frame, from_msgs.JointOrder(params.joint_names)
+        names, frame = params.joint_names, params.ee_frame
 
         self._send_joint = create_sender(part, "joint_states", forms.joint_state(names))
         self._send_wrench = create_sender(part, "wrench", forms.wrench(frame))
@@ -55,7 +55,7 @@ class ArmTopics:
             part,
             f"{interface}_command",
             from_msgs.JOINT_FIELDS,
-            lambda message: from_msgs.joint_commands(message, order, interface),
+            lambda message: from_msgs.joint_commands(message, names, interface),
             on_command,
             refusals,
             depth=10,

@@ -24,7 +24,7 @@ from slip_core.incidents import Incident
 from slip_core.stamps import split_ns
 from slip_core.timing import spread
 from slip_core.types import JointCommand
-from slip_msgs_py.endpoint_matching import EndpointMatching, Waiting, wait_until
+from slip_msgs_py.endpoint_matching import Waiting, missing_endpoints, wait_until
 from slip_msgs_py.events import emit
 from slip_msgs_py.executor import Spinner
 from slip_msgs_py.fast_io import Refusals, create_sender
@@ -194,23 +194,20 @@ class SlipSimBridge(GuardedNode, Node):
 
     def _wait_for_peers(self, should_stop: Callable[[], bool]) -> bool:
         subscribers, recorders = self._common.expected_subscribers, self._common.expected_subscribers - 1
-        peers = EndpointMatching(
-            self,
-            publishers=[
-                *((publisher, max(1, subscribers)) for arm in self._arms for publisher in arm.state_publishers),
-                *((sender.publisher, recorders) for sender in (self._send_object, self._send_clock)),
-            ],
-            subscriptions=[arm.sub_command for arm in self._arms],
-        )
+        publishers = [
+            *((publisher, max(1, subscribers)) for arm in self._arms for publisher in arm.state_publishers),
+            *((sender.publisher, recorders) for sender in (self._send_object, self._send_clock)),
+        ]
+        missing = partial(missing_endpoints, self, publishers, [arm.sub_command for arm in self._arms])
         self.get_logger().info(f"started in {self._common.mode}" + ", waits for the controller" * bool(subscribers))
         if not self._lockstep and not subscribers:
             return True
         return wait_until(
-            lambda: (self._controller_ready or not subscribers) and not peers.missing(),
+            lambda: (self._controller_ready or not subscribers) and not missing(),
             spin_once=self._executor.spin_once,
             should_stop=should_stop,
             timeout_s=self._common.peer_timeout_s,
-            explain=lambda: "; ".join([*["controller is not ready"] * (not self._controller_ready), *peers.missing()]),
+            explain=lambda: "; ".join([*["controller is not ready"] * (not self._controller_ready), *missing()]),
             waiting=Waiting(self.get_logger().info),
         )
 

@@ -39,10 +39,9 @@ class Wire:
     def __init__(self, name: str, joint_names: tuple[str, ...], frame: str, interface: str = "effort") -> None:
         self.name, self._interface = name, interface
         self._joints, self._frame = joint_names, frame
-        order = from_msgs.JointOrder(joint_names)
         learn: dict[str, Callable[[Any], Any]] = {
-            JOINT: partial(from_msgs.joint_samples, order=order),
-            EFFORT: partial(from_msgs.joint_commands, order=order, interface=interface),
+            JOINT: partial(from_msgs.joint_samples, joints=joint_names),
+            EFFORT: partial(from_msgs.joint_commands, joints=joint_names, interface=interface),
             WRENCH: partial(from_msgs.in_frame, frame=frame, make=WrenchSample),
             SLIP: partial(from_msgs.in_frame, frame=frame, make=from_msgs.slip_sample),
         }

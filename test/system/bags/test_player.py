@@ -12,8 +12,9 @@ from pathlib import Path
 import pytest
 from geometry_msgs.msg import WrenchStamped
 
-from slip_bags.raw_subscription import Arrival, RawSubscription
+from slip_bags.format import RawMessage
 from slip_bags.reader import Bag
+from slip_bags.recorder import RawSubscription
 from slip_msgs_py.qos import profile
 from test.support.bag_maker import PERIOD_NS, make_bag
 from test.support.ros import DEADLINE_S, Processes, wait_until
@@ -74,7 +75,7 @@ def test_chosen_topic_at_another_rate(processes, bag, tmp_path):
 
 
 def test_loops_until_interrupted(processes, ros_node, bag):
-    heard: list[Arrival] = []
+    heard: list[RawMessage] = []
     listener = RawSubscription(ros_node, WrenchStamped, "/b", profile(2000, reliable=True, latched=False))
     player = processes.python("player", *PLAY, bag, "--loop", "--rate", "10", "--topics", "b")
     wait_until(lambda: heard.extend(listener.drain()) or len(heard) > 2 * COUNT, "the third loop")

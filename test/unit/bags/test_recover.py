@@ -16,7 +16,8 @@ from mcap.writer import Writer
 from rosbags.highlevel import AnyReader
 
 from slip_bags.cli import bag as bag_command
-from slip_bags.reader import Bag, RawMessage
+from slip_bags.format import RawMessage
+from slip_bags.reader import Bag
 from slip_bags.recover import recover
 from slip_bags.writer import StorageError
 from slip_core.errors import InputError

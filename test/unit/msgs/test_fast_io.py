@@ -41,8 +41,7 @@ class Wire:
 
 
 def joint_receiver(names: tuple[str, ...] = NAMES) -> Receiver[JointSample]:
-    order = from_msgs.JointOrder(names)
-    return Receiver("sensor_msgs/msg/JointState", JOINT_FIELDS, partial(from_msgs.joint_samples, order=order))
+    return Receiver("sensor_msgs/msg/JointState", JOINT_FIELDS, partial(from_msgs.joint_samples, joints=names))
 
 
 def joint_state(names: tuple[str, ...] = NAMES, **arrays: Any) -> bytes:
@@ -195,8 +194,7 @@ def test_a_receiver_subscribes_to_bytes_and_reports_under_the_name_it_listens_to
 ) -> None:
     asked: list[tuple[tuple[Any, ...], dict[str, Any]]] = []
     monkeypatch.setattr(fast_io, "create_subscription", lambda *words, **more: asked.append((words, more)))
-    refusals, order = Refusals(lambda _: None), from_msgs.JointOrder(NAMES)
-    learn = partial(from_msgs.joint_samples, order=order)
+    refusals, learn = Refusals(lambda _: None), partial(from_msgs.joint_samples, joints=NAMES)
     for actual, shown in ((None, "joint_states"), ("left/joint_states", "left/joint_states")):
         delivered: list[JointSample] = []
         fast_io.create_receiver(

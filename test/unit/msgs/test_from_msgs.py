@@ -21,12 +21,12 @@ from trajectory_msgs.msg import (
 
 from slip_core.errors import InputError
 from slip_msgs_py.messages.from_msgs import (
-    JointOrder,
     cartesian_reference,
     displacement_sample,
     flag_samples,
     in_frame,
     joint_commands,
+    joint_indices,
     joint_samples,
     joint_trajectory,
     pose_goal,
@@ -114,7 +114,6 @@ def test_a_goal_that_is_none_is_refused() -> None:
 
 
 def test_joint_states_come_in_the_order_of_the_controller_and_efforts_may_be_left_out() -> None:
-    order = JointOrder(ORDER)
     for names in (ORDER, ("c", "a", "b")):
         values = {name: k + 1.0 for k, name in enumerate(ORDER)}
         given = np.array([values[name] for name in names])
@@ -122,7 +121,7 @@ def test_joint_states_come_in_the_order_of_the_controller_and_efforts_may_be_lef
             message = JointState(
                 name=list(names), position=given.tolist(), velocity=(2.0 * given).tolist(), effort=effort.tolist()
             )
-            sample = joint_samples(message, order)(7, given, 2.0 * given, effort)
+            sample = joint_samples(message, ORDER)(7, given, 2.0 * given, effort)
             assert sample.stamp_ns == 7
             np.testing.assert_array_equal(sample.position, (1.0, 2.0, 3.0))
             np.testing.assert_array_equal(sample.velocity, (2.0, 4.0, 6.0))
@@ -130,25 +129,25 @@ def test_joint_states_come_in_the_order_of_the_controller_and_efforts_may_be_lef
     for names in (("a", "b", "c"), ("c", "a", "b")):  # more joints than the controller's
         given = np.array([{"a": 1.0, "b": 2.0, "c": 3.0}[name] for name in names])
         message = JointState(name=list(names), position=given.tolist(), velocity=given.tolist(), effort=given.tolist())
-        sample = joint_samples(message, JointOrder(("a", "b")))(7, given, given, given)
+        sample = joint_samples(message, ("a", "b"))(7, given, given, given)
         for values in (sample.position, sample.velocity, sample.effort):
             np.testing.assert_array_equal(values, (1.0, 2.0))
     whole = {"name": list(ORDER), "position": [0.0] * 3, "velocity": [0.0] * 3}
     for name in ("position", "velocity"):
         with pytest.raises(InputError, match="one position per name, and one velocity or none"):
-            joint_samples(JointState(**{**whole, name: [0.0] * 2}), order)
+            joint_samples(JointState(**{**whole, name: [0.0] * 2}), ORDER)
 
 
 def test_velocities_that_a_joint_state_leaves_out_are_no_numbers() -> None:
     message = JointState(name=list(ORDER), position=[1.0, 2.0, 3.0])
-    sample = joint_samples(message, JointOrder(ORDER))(7, np.array([1.0, 2.0, 3.0]), np.zeros(0), np.zeros(0))
+    sample = joint_samples(message, ORDER)(7, np.array([1.0, 2.0, 3.0]), np.zeros(0), np.zeros(0))
     np.testing.assert_array_equal(sample.position, (1.0, 2.0, 3.0))
     assert np.isnan(sample.velocity).all()
     assert sample.velocity.shape == (3,)
 
 
 def test_of_a_command_its_interface_counts_alone() -> None:
-    order, names = JointOrder(ORDER), ("c", "a", "b")
+    names = ("c", "a", "b")
     sets = {
         "position": np.array([3.0, 1.0, 2.0]),
         "velocity": np.array([6.0, 4.0, 5.0]),
@@ -156,20 +155,19 @@ def test_of_a_command_its_interface_counts_alone() -> None:
     }
     for interface, first in (("position", 1.0), ("velocity", 4.0), ("effort", 7.0)):
         message = JointState(name=list(names), **{interface: sets[interface].tolist()})
-        command = joint_commands(message, order, interface)(5, sets["position"], sets["velocity"], sets["effort"])
+        command = joint_commands(message, ORDER, interface)(5, sets["position"], sets["velocity"], sets["effort"])
         np.testing.assert_array_equal(command.numbers, first + np.arange(3.0))
         assert command.stamp_ns == 5
-        none = joint_commands(JointState(name=list(names)), order, interface)(5, *(np.zeros(0),) * 3)
+        none = joint_commands(JointState(name=list(names)), ORDER, interface)(5, *(np.zeros(0),) * 3)
         assert len(none.numbers) == 0
         with pytest.raises(InputError, match="one number per name"):
-            joint_commands(JointState(name=list(names), **{interface: [0.0]}), order, interface)
+            joint_commands(JointState(name=list(names), **{interface: [0.0]}), ORDER, interface)
 
 
 def test_names_that_are_not_those_of_the_joints_are_refused() -> None:
-    order = JointOrder(ORDER)
     for names in (("a", "b"), ("a", "b", "d"), ("a", "b", "b"), ("a", "b", "c", "c")):
         with pytest.raises(InputError, match="joint state: joint"):
-            order.indices(list(names))
+            joint_indices(ORDER, tuple(names))
 
 
 def test_slip_that_is_not_finite_or_no_pose_is_invalid() -> None:

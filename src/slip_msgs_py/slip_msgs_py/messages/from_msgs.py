@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import functools
+from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
@@ -37,39 +38,21 @@ def vector6(linear: Vector3, angular: Vector3) -> Array:
     return np.array([linear.x, linear.y, linear.z, angular.x, angular.y, angular.z])
 
 
-class JointOrder:
-    """Puts the arrays of a JointState into the order of `names`; the index map is kept while names do not change.
+@functools.lru_cache
+def joint_indices(joints: tuple[str, ...], names: tuple[str, ...]) -> list[int]:
+    """Return where each of the joints stands among the names of a JointState.
 
-    Args:
-        names: joint names in the order wanted.
+    Raises:
+        InputError: where a joint is missing or named twice.
     """
-
-    def __init__(self, names: Sequence[str]) -> None:
-        self.names = tuple(names)
-        self._last: tuple[str, ...] | None = None
-        self._index: list[int] = []
-
-    def indices(self, message_names: Sequence[str]) -> list[int]:
-        """Return where each wanted joint stands in the message.
-
-        Raises:
-            InputError: where a joint is missing or named twice.
-        """
-        seen = tuple(message_names)
-        if seen != self._last:
-            missing = [name for name in self.names if seen.count(name) != 1]
-            if missing:
-                raise InputError(
-                    f"joint state: joint {missing[0]}",
-                    got=f"names {list(seen)}",
-                    expected=f"each of {list(self.names)} once",
-                )
-            self._index = [seen.index(name) for name in self.names]
-            self._last = seen
-        return self._index
+    for joint in joints:
+        if names.count(joint) != 1:
+            what = f"joint state: joint {joint}"
+            raise InputError(what, got=f"names {list(names)}", expected=f"each of {list(joints)} once")
+    return [names.index(joint) for joint in joints]
 
 
-def joint_samples(message: JointState, order: JointOrder) -> Callable[[int, Array, Array, Array], JointSample]:
+def joint_samples(message: JointState, joints: tuple[str, ...]) -> Callable[[int, Array, Array, Array], JointSample]:
     """Check names and sizes of a JointState; return what makes samples of (stamp_ns, position, velocity, effort).
 
     Velocities that the message leaves out are NaN, efforts are zero.
@@ -77,7 +60,7 @@ def joint_samples(message: JointState, order: JointOrder) -> Callable[[int, Arra
     Raises:
         InputError: wrong names, or arrays shorter than the names.
     """
-    pick = _picker(order.indices(message.name))
+    pick = _picker(joint_indices(joints, tuple(message.name)))
     count = len(message.name)
     if len(message.position) != count or len(message.velocity) not in (0, count):
         raise InputError(
@@ -85,7 +68,7 @@ def joint_samples(message: JointState, order: JointOrder) -> Callable[[int, Arra
             got=f"{count} names, {len(message.position)} positions, {len(message.velocity)} velocities",
             expected="one position per name, and one velocity or none at all",
         )
-    size = len(order.names)
+    size = len(joints)
     no_effort = readonly(np.zeros(size)) if len(message.effort) != count else None
     no_velocity = readonly(np.full(size, np.nan)) if len(message.velocity) != count else None
 
@@ -97,7 +80,7 @@ def joint_samples(message: JointState, order: JointOrder) -> Callable[[int, Arra
 
 
 def joint_commands(
-    message: JointState, order: JointOrder, interface: CommandInterface
+    message: JointState, joints: tuple[str, ...], interface: CommandInterface
 ) -> Callable[[int, Array, Array, Array], JointCommand]:
     """Check names and sizes of a command; return what makes commands of (stamp_ns, position, velocity, effort).
 
@@ -106,7 +89,7 @@ def joint_commands(
     Raises:
         InputError: wrong names, or not one number per name.
     """
-    index, count = order.indices(message.name), len(getattr(message, interface))
+    index, count = joint_indices(joints, tuple(message.name)), len(getattr(message, interface))
     if count not in (0, len(message.name)):
         raise InputError(
             f"{interface} command", got=f"{len(message.name)} names, {count} numbers", expected="one number per name"

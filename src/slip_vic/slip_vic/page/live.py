@@ -114,7 +114,7 @@ class Watcher:
         """Unsubscribe from everything."""
         for arm in self.arms:
             for topic in arm.topics.values():
-                topic.close()
+                self._node.destroy_subscription(topic.subscription)
 
     def _discover(self) -> None:
         known = {arm.name for arm in self.arms}

@@ -19,9 +19,9 @@ from slip_core.stamps import NS_PER_S
 from slip_core.topics import contact_topic
 from slip_core.types import CartesianReference, JointSample, PoseGoal, SlipSample, WrenchSample
 from slip_msgs_py.messages.from_msgs import (
-    JointOrder,
     cartesian_reference,
     displacement_sample,
+    joint_indices,
     pose_goal,
     slip_flag,
     slip_sample,
@@ -130,16 +130,16 @@ class _Source(NamedTuple):
 def _read_arm(source: _Source, params: ControllerNodeParams) -> RecordedRun:
     bag, prefix, interface = source.bag, source.prefix, params.command.interface
     ledger_series = _complete(bag, prefix + LEDGER)
-    order, contacts = JointOrder(params.joint_names), source.contacts(params.contacts.count)
+    joints, contacts = params.joint_names, source.contacts(params.contacts.count)
     return RecordedRun(
         params=params,
         changes=_changes(source, params, ledger_series),
         urdf=_attachment(bag, f"{source.name}.urdf" if source.name else URDF),
         ledger=tuple(_entry(row, len(contacts)) for row in ledger_series["data"].tolist()),
-        joints=_joints(_complete(bag, f"{prefix}joint_states"), order),
+        joints=_joints(_complete(bag, f"{prefix}joint_states"), joints),
         wrenches=tuple(_wrenches(bag, f"{contact}wrench", params) for contact in contacts),
         slips=tuple(_slips(bag, contact, params) for contact in contacts),
-        commands=_commands(_complete(bag, f"{prefix}{interface}_command"), ledger_series, order, interface),
+        commands=_commands(_complete(bag, f"{prefix}{interface}_command"), ledger_series, joints, interface),
         given=_given(bag, source.root + GIVEN, params),
     )
 
@@ -225,14 +225,17 @@ def _entry(row: Sequence[int], contacts: int) -> LedgerEntry:
     return LedgerEntry(row[0], joint, tuple(used[::2]), tuple(used[1::2]), now, *row[behind + 2 :])
 
 
-def _in_order(series: Series, field: str, order: JointOrder) -> list[NDArray[np.float64]]:
+def _in_order(series: Series, field: str, joints: tuple[str, ...]) -> list[NDArray[np.float64]]:
     """Return one array per message in the controller's joint order; an empty field stays empty."""
     names, rows = series["name"], (np.asarray(row, dtype=np.float64) for row in series[field])
-    return [readonly(row[order.indices(name)] if len(row) else row) for name, row in zip(names, rows, strict=True)]
+    return [
+        readonly(row[joint_indices(joints, tuple(name))] if len(row) else row)
+        for name, row in zip(names, rows, strict=True)
+    ]
 
 
-def _joints(series: Series, order: JointOrder) -> dict[int, JointSample]:
-    columns = (_in_order(series, field, order) for field in ("position", "velocity", "effort"))
+def _joints(series: Series, joints: tuple[str, ...]) -> dict[int, JointSample]:
+    columns = (_in_order(series, field, joints) for field in ("position", "velocity", "effort"))
     return {row[0]: JointSample(*row) for row in zip(series.stamps.tolist(), *columns, strict=True)}
 
 
@@ -263,9 +266,11 @@ def _slips(bag: Bag, prefix: str, params: ControllerNodeParams) -> dict[int, Sli
     return _samples(bag, f"{prefix}slip_velocity", slip_sample, "twist.linear", "twist.angular")
 
 
-def _commands(series: Series, ledger: Series, order: JointOrder, interface: str) -> tuple[NDArray[np.float64], ...]:
+def _commands(
+    series: Series, ledger: Series, joints: tuple[str, ...], interface: str
+) -> tuple[NDArray[np.float64], ...]:
     """Pair every ledger entry with the command published just before it, by the publisher's own clock."""
-    rows = _in_order(series, interface, order)
+    rows = _in_order(series, interface, joints)
     found = np.searchsorted(series.publish_time_ns, ledger.publish_time_ns, side="right") - 1
     if (found < 0).any() or (np.diff(found) < 1).any():
         raise InputError(f"{interface}_command", got="fewer messages than cycles", expected="one per ledger entry")

@@ -10,7 +10,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 
-from slip_bags.raw_subscription import RawSubscription
+from slip_bags.recorder import RawSubscription
 from slip_core.errors import InputError, ProtocolError
 from slip_core.topics import TOPICS
 from slip_msgs_py.qos import message_class
@@ -25,7 +25,7 @@ class Listener(RawSubscription):
 
     def take(self) -> list[tuple[int, Any]]:
         """Return the messages that have arrived, each with the time of its arrival [ns]."""
-        return [(one.received_ns, deserialize_message(one.data, self.kind)) for one in self.drain()]
+        return [(one.log_time_ns, deserialize_message(one.data, self.kind)) for one in self.drain()]
 
     def see(self) -> bool:
         """Let `newest` be the newest message, the others are not decoded; return whether one has arrived."""

@@ -122,9 +122,8 @@ class ArmTopics:
                 self._node, name, fields, learn, deliver, self._refusals, reliable=self._lockstep, **options
             )
 
-        order = from_msgs.JointOrder(self.params.joint_names)
         fields = ("position", "velocity", "effort")
-        learn: Any = partial(from_msgs.joint_samples, order=order)
+        learn: Any = partial(from_msgs.joint_samples, joints=self.params.joint_names)
         inputs = [receive("joint_states", fields, learn, self._on_joint_state, depth=depth)]
         for contact in range(1 if self.arm.name else self.arm.contacts):
             wrench = ("wrench", "wrench", self._in_frame(WrenchSample, contact), self.arm.add_wrench, depth)

@@ -23,7 +23,7 @@ from slip_core.errors import SlipVicError
 from slip_core.files.urdf import placed_urdf
 from slip_core.files.urdf_file import read_urdf
 from slip_core.grasp_params import BaseParams
-from slip_msgs_py.endpoint_matching import EndpointMatching, Waiting
+from slip_msgs_py.endpoint_matching import Waiting, missing_endpoints
 from slip_msgs_py.events import emit
 from slip_msgs_py.executor import Spinner
 from slip_msgs_py.fast_io import Refusals, create_receiver
@@ -81,7 +81,8 @@ class SlipVicController(GuardedNode, LifecycleNode):
         self._spinner = Spinner(self._executor)
         self._endpoints: list[tuple[Callable[[Any], Any], Any]] = []
         self._failure: SlipVicError | None = None
-        self._peers: EndpointMatching | None = None
+        self._peers: Callable[[], list[str]] | None = None
+        """Says which of its endpoints are not matched; None while the node has none."""
         self._finished_at: float | None = None
         self._ready = False
         self._waiting = Waiting(self.get_logger().info)
@@ -223,7 +224,7 @@ class SlipVicController(GuardedNode, LifecycleNode):
         else:
             self.create_timer(WATCHDOG_S, self._on_watchdog, clock=Clock(clock_type=ClockType.STEADY_TIME))
         publishers = [*self._task.publishers, *(item for arm in self._arms for item in arm.publishers)]
-        self._peers = EndpointMatching(self, publishers=publishers, subscriptions=inputs)
+        self._peers = functools.partial(missing_endpoints, self, publishers, inputs)
 
     def _say_no_command(self) -> None:
         for arm in self._arms:
@@ -271,7 +272,7 @@ class SlipVicController(GuardedNode, LifecycleNode):
         """Tell once that every peer is matched."""
         if self._ready or self._peers is None:
             return
-        if missing := self._peers.missing():
+        if missing := self._peers():
             self._waiting.tell(lambda: "; ".join(missing))
             return
         set_up_interpreter()

@@ -25,7 +25,7 @@ from slip_core.stamps import stamp_to_ns
 from slip_core.topics import TOPICS
 from slip_core.types import CartesianReference
 from slip_msgs_py.messages import to_msgs
-from slip_msgs_py.messages.from_msgs import JointOrder, vector6
+from slip_msgs_py.messages.from_msgs import joint_indices, vector6
 from slip_msgs_py.qos import create_publisher
 from slip_vic.run.peer import Asker, Listener
 from slip_vic.setup.bringup.heard import SCALARS, Heard, Status, Track
@@ -59,7 +59,6 @@ class RosSystem:
         self.urdf = self.params.robot_description or read_urdf(
             self.params.robot_description_file, "parameter robot_description_file"
         )
-        self._order = JointOrder(self.params.joint_names)
         if self._state() == State.PRIMARY_STATE_UNCONFIGURED:
             self._change(Transition.TRANSITION_CONFIGURE)
         self._inputs = {name: self._subscribe(name, full) for name, full in self._find_inputs().items()}
@@ -205,7 +204,7 @@ class RosSystem:
             return Track(stamps[np.maximum(before, 0)], 1e-9 * np.array([_stamp_ns(one) for one in found]), values)
 
         def states(message: JointState) -> list[float]:
-            pick = self._order.indices(message.name)
+            pick = joint_indices(self.params.joint_names, tuple(message.name))
             return [values[i] for values in (message.position, message.velocity) for i in pick]
 
         def scalars(message: JointState) -> list[float]:
