@@ -9,13 +9,13 @@ import yaml
 from slip_core.params import build
 from slip_description import urdf_text
 from slip_sim_bridge.params import BridgeParams
-from slip_vic.scenarios import scenario_text
+from slip_vic.presets import preset_text
 from test.unit.bridge.one_arm import OneArm
 
 
 def scenario_params(name: str = "paper_planar", **values) -> BridgeParams:
     """The bridge's parameters of a scenario on endless pads; keyword `a__b` overrides parameter `a.b`."""
-    content = yaml.safe_load(scenario_text(name))
+    content = yaml.safe_load(preset_text("scenarios", name))
     flat = {**_flat(content["shared"]), **_flat(content["bridge"]), "grip.pad_size": (10.0, 10.0)}
     return build(BridgeParams, flat | {key.replace("__", "."): value for key, value in values.items()}, "test")
 

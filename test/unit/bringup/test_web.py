@@ -17,7 +17,7 @@ from slip_core.errors import InputError
 from slip_description import urdf_text
 from slip_vic.page import require_page, scripts
 from slip_vic.page.packing import ARRAY, Packer, compressed
-from slip_vic.page.page import make_page, summaries
+from slip_vic.page.page import summaries, write_page
 from slip_vic.page.plots import plot_series
 from slip_vic.page.runs import grid, on_grid, series_of
 from slip_vic.page.urdf import links_of
@@ -136,8 +136,10 @@ def test_two_arms_are_two_arms_of_one_run(tmp_path: Path) -> None:
     assert list(summaries({"pair": read_data(tmp_path / "bag")})) == ["pair left", "pair right"]
 
 
-def test_page_holds_everything_and_fetches_nothing() -> None:
-    text = make_page({"a <b>": read_data(BAGS / "paper_planar_vic")}, command="x", description="t & u")
+def test_page_holds_everything_and_fetches_nothing(tmp_path: Path) -> None:
+    page = tmp_path / "page.html"
+    write_page(page, {"a <b>": read_data(BAGS / "paper_planar_vic")}, command="x", description="t & u")
+    text = page.read_text()
     assert "a &lt;b&gt;" in text
     assert "t &amp; u" in text
     own = text[: text.index("<script>")] + text[text.rindex("<script>") :]

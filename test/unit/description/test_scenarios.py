@@ -8,7 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from slip_core.errors import InputError
 from slip_description import urdf_text
-from slip_vic.scenarios import scenario_names, scenario_text
+from slip_vic.presets import preset_text
+from slip_vic.scenarios import scenario_names
 from slip_vic.scenarios.scenario import load_scenario
 from test.unit.bridge.one_arm import OneArm
 
@@ -21,9 +22,9 @@ HOLDS_AT_REST = 0.9  # of the break-away force
 def test_names_and_unknown_name():
     assert scenario_names(1) == NAMES
     with pytest.raises(InputError, match="did you mean paper_planar"):
-        scenario_text("paper_planer")
+        preset_text("scenarios", "paper_planer")
     with pytest.raises(InputError, match="unknown scenario"):
-        scenario_text("../urdf/arm")
+        preset_text("scenarios", "../urdf/arm")
 
 
 @pytest.mark.parametrize(("name", "normal_world"), [(n, (1, 0, 0) if "vert" in n else (0, 0, 1)) for n in NAMES])

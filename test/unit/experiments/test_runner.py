@@ -11,15 +11,18 @@ from rich.console import Console
 from slip_core.errors import InputError
 from slip_vic.experiments.runner import _scenario, made_of, run_on_worker
 from slip_vic.experiments.world import World
+from slip_vic.presets import preset_text
 from slip_vic.run.progress import progress
 from slip_vic.run.versions import versions
-from slip_vic.scenarios import scenario_text
 
 
 def test_rows_are_made_of_files_and_laws(tmp_path: Path) -> None:
     own = tmp_path / "task.yaml"
     digests = []
-    for text in (scenario_text("paper_planar"), scenario_text("paper_planar") + "\n# another line\n"):
+    for text in (
+        preset_text("scenarios", "paper_planar"),
+        preset_text("scenarios", "paper_planar") + "\n# another line\n",
+    ):
         own.write_text(text)
         _scenario.cache_clear()
         found = made_of([World(str(own), "ideal", law="fixed_grip?factor=2"), World("paper_planar", law="vic")])

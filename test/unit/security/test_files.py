@@ -30,9 +30,9 @@ from slip_core.files.urdf_file import read_urdf
 from slip_core.params import build, load_yaml, parse_assignment
 from slip_sim_bridge.plant.model import arm_spec
 from slip_vic.experiments.rows import read_json, read_rows
+from slip_vic.presets import preset_text
 from slip_vic.retime.path import read_points
 from slip_vic.run.domain import domain_id
-from slip_vic.scenarios import scenario_text
 from slip_vic.scenarios.parameter_files import config_files, write_files
 from slip_vic.scenarios.scenario import Mismatch, load_scenario
 from slip_vic.setup.arm.write import Arm
@@ -159,7 +159,7 @@ def test_json_that_is_nested_deeply_or_has_endless_numbers_is_no_json() -> None:
 
 
 def test_parameter_files_of_a_scenario_stay_in_their_folder(tmp_path: Path) -> None:
-    (tmp_path / "mine.yaml").write_text(scenario_text("paper_planar"))
+    (tmp_path / "mine.yaml").write_text(preset_text("scenarios", "paper_planar"))
     for name in (tmp_path / "mine.yaml", Path(os.path.relpath(tmp_path / "mine.yaml"))):
         write_files(tmp_path / "out", config_files([str(name)]))
         assert {path.parent for path in tmp_path.rglob("*.yaml")} == {tmp_path, tmp_path / "out" / "mine"}

@@ -152,7 +152,7 @@ def run_tune(
         )
     tuned, file = base.load(law, assignments(best.params)), out / "controller.yaml"
     file.write_text(ros_parameter_file(tuned.controller, NODES["controller"][0], complete=False), encoding="utf-8")
-    tuned.check_arm()
+    tuned.check()
     if not gains(tuned).hold:
         raise SlipVicError(f"{file}: check refuses what was found")
     return (

@@ -72,13 +72,9 @@ class Audience:
         """Send a frame to every browser that has got what was sent before."""
         self._say(data, "frame", late=False)
 
-    def mode(self, arm: int, text: str) -> None:
-        """Send the mode of an arm with its reason, which no frame holds."""
-        self._say(json.dumps({"arm": arm, "mode": text}))
-
-    def ended(self, why: str) -> None:
-        """Send why nothing arrives, "" where something does."""
-        self._say(json.dumps({"ended": why}), "ended")
+    def tell(self, keep: str = "", **what: object) -> None:
+        """Send what no frame holds: the mode of an arm, or why nothing arrives; keep: what it replaces."""
+        self._say(json.dumps(what), keep)
 
     def close(self) -> None:
         """Stop serving."""

@@ -149,7 +149,7 @@ class Watcher:
                 if text is not None:
                     bridge["display.object_size"] = box_of(text)
                 break
-        return RunData(tuple(map(arm_now, arms)), pose, bridge, {}, {})
+        return RunData(tuple(map(arm_now, arms)), pose, bridge, {})
 
 
 def arm_now(watched: WatchedArm) -> ArmData:
@@ -223,10 +223,10 @@ def watch(node: Node, audience: Audience, namespace: str, stop: Callable[[], obj
                 changed = [one for one in watcher.modes() if one not in modes]
                 modes = watcher.modes()
                 for arm, text in changed:
-                    audience.mode(arm, text)
+                    audience.tell(arm=arm, mode=text)
             if model is not None and silent != (now > newest + SILENT_S):
                 silent = not silent
-                audience.ended(SILENCE if silent else "")
+                audience.tell("ended", ended=SILENCE if silent else "")
             time.sleep(FRAME_S if audience.present or model is None else min(1.0, DISCOVERY_S))
     finally:
         watcher.close()

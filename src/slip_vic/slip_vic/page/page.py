@@ -14,7 +14,7 @@ from slip_vic.page.packing import Packer, compressed
 from slip_vic.page.plots import describe_plots
 from slip_vic.page.runs import colours, describe, grid, on_grid
 from slip_vic.page.scripts import read_static, three, uplot
-from slip_vic.run.data import FACTS, RunData
+from slip_vic.run.data import RunData
 from slip_vic.run.metrics import summarise, summary_table
 from slip_vic.scenarios.parameter_files import write_files
 
@@ -32,6 +32,16 @@ MODULES: Final = (
 """In the order in which the page runs them: each uses what stands before it."""
 
 
+def summaries(runs: Mapping[str, RunData]) -> dict[str, dict[str, Any]]:
+    """Return the numbers of every arm whose slip is known, by its label."""
+    return {
+        f"{label} {arm.name}" if len(run.arms) > 1 else label: summarise(arm)
+        for label, run in runs.items()
+        for arm in run.arms
+        if {"slip", "law", "effort"} <= arm.channels.keys()
+    }
+
+
 def write_page(
     path: Path,
     runs: Mapping[str, RunData],
@@ -45,27 +55,6 @@ def write_page(
     Raises:
         InputError: a file that cannot be written.
     """
-    write_files(path.parent, {path.name: make_page(runs, command=command, description=description, ends=ends)})
-
-
-def summaries(runs: Mapping[str, RunData]) -> dict[str, dict[str, Any]]:
-    """Return the numbers of every arm whose slip is known, by its label."""
-    return {
-        f"{label} {arm.name}" if len(run.arms) > 1 else label: summarise(arm)
-        for label, run in runs.items()
-        for arm in run.arms
-        if {"slip", "law", "effort"} <= arm.channels.keys()
-    }
-
-
-def make_page(
-    runs: Mapping[str, RunData],
-    *,
-    command: str,
-    description: str = "",
-    ends: Mapping[str, str] = MappingProxyType({}),
-) -> str:
-    """Return the page of some runs, given by label."""
     times = grid(max(run.duration_s for run in runs.values()))
     shown = {label: on_grid(run, times, ends.get(label, "")) for label, run in runs.items()}
     packer = Packer()
@@ -75,17 +64,13 @@ def make_page(
         described.append(made)
         missing += lacking
     header = {"time": packer.add(times), "runs": described, "plots": describe_plots([*shown.values()], packer)}
-    facts = {
-        "command": command,
-        **{
-            name: ", ".join(dict.fromkeys(run.facts[name] for run in runs.values() if name in run.facts))
-            for name in FACTS
-        },
-        **dict(sorted((k, str(v)) for run in runs.values() for k, v in run.versions.items())),
+    known = [(name, value) for run in runs.values() for name, value in run.facts.items()]
+    facts = {"command": command} | {
+        name: ", ".join(dict.fromkeys(value for other, value in known if other == name)) for name, _ in known
     }
     rows = [f"<dt>{html.escape(k)}</dt><dd>{html.escape(v)}</dd>" for k, v in facts.items() if v]
-    return assemble(
-        title=facts["scenario"] or "recorded runs",
+    text = assemble(
+        title=facts.get("scenario", "recorded runs"),
         description=description,
         table=_table(summaries(runs)),
         laws="<br>".join(f"<b>{label}</b>: {LAWS[label]}" for label in runs if label in LAWS),
@@ -94,6 +79,7 @@ def make_page(
         data=compressed(packer.pack(header)),
         live=False,
     )
+    write_files(path.parent, {path.name: text})
 
 
 LAWS: Final = {

@@ -86,14 +86,13 @@ class ArmData:
 class RunData:
     """A run: its arms, and the pose of the object (7): position [m], quaternion xyzw {w}, None where unknown.
 
-    bridge: parameters of the simulation by dotted name. facts, versions: what was run.
+    bridge: parameters of the simulation by dotted name. facts: what was run, versions too.
     """
 
     arms: tuple[ArmData, ...]
     object_pose: Channel | None
     bridge: Mapping[str, Any]
     facts: Mapping[str, str]
-    versions: Mapping[str, str]
 
     def arm(self, name: str) -> ArmData:
         """Return an arm of a scenario by its name, in whatever namespace; "" is the name of an only arm.
@@ -128,8 +127,7 @@ def read_data(path: Path) -> RunData:
             tuple(_read_arm(bag, name, topics, start_ns) for name, topics in arms.items()),
             None if topic is None else _channel(bag.series(topic), start_ns, *fields),
             _parameters(bag, "bridge.params.yaml", next(iter(arms))),
-            {name: bag.custom_data[name] for name in FACTS if name in bag.custom_data},
-            _versions(bag),
+            {name: bag.custom_data[name] for name in FACTS if name in bag.custom_data} | _versions(bag),
         )
 
 
@@ -200,10 +198,10 @@ def urdf_of(bag: Bag, arm: str = "") -> str:
     raise InputError(f"bag {bag.path}", got="no robot_description", expected="the arm's URDF, as topic or attachment")
 
 
-def _versions(bag: Bag) -> dict[str, Any]:
+def _versions(bag: Bag) -> dict[str, str]:
     try:
-        return dict(read_yaml(bag.custom_data.get("versions", "{}")))
-    except (yaml.YAMLError, TypeError, ValueError) as error:
+        return {name: str(value) for name, value in sorted(read_yaml(bag.custom_data.get("versions", "{}")).items())}
+    except (yaml.YAMLError, AttributeError, TypeError, ValueError) as error:
         raise InputError(f"versions of {bag.path}", got=str(error), expected="names and versions") from None
 
 

@@ -72,7 +72,7 @@ class Track:
         """Return the run; without a tick it has no arms."""
         scenario, facts = self.scenario, {"scenario": self.scenario.name, "seed": str(self.scenario.seed)}
         if not self._times:
-            return RunData((), None, flatten(scenario.first), facts, {})
+            return RunData((), None, flatten(scenario.first), facts)
         times, thing = np.array(self._times) - self._times[0], np.array(self._object)
         attitude = Rotation.from_matrix(thing[:, 3:].reshape(-1, 3, 3)).as_quat()
         arms = tuple(
@@ -87,4 +87,4 @@ class Track:
             )
             for k, name in enumerate(self.arms)
         )
-        return RunData(arms, Channel(times, np.hstack((thing[:, :3], attitude))), flatten(scenario.first), facts, {})
+        return RunData(arms, Channel(times, np.hstack((thing[:, :3], attitude))), flatten(scenario.first), facts)

@@ -15,14 +15,5 @@ def scenario_names(arms: int = 0) -> list[str]:
     return [
         name
         for name in preset_names("scenarios")
-        if not arms or arms == len(read_yaml(scenario_text(name)).get("arms") or [name])
+        if not arms or arms == len(read_yaml(preset_text("scenarios", name)).get("arms") or [name])
     ]
-
-
-def scenario_text(name_or_path: str) -> str:
-    """Return the YAML text of a scenario by name or from a file.
-
-    Raises:
-        InputError: unknown name (nearest offered), or a file that cannot be read.
-    """
-    return preset_text("scenarios", name_or_path)

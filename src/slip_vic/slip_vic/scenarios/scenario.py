@@ -31,8 +31,8 @@ from slip_core.params import (
     validate,
 )
 from slip_sim_bridge.params import BridgeParams
+from slip_vic.presets import preset_text
 from slip_vic.presets.models import DrivePreset, SensorPreset, load_drive, load_sensor
-from slip_vic.scenarios import scenario_text
 from slip_vic_controller.params.node_params import ControllerNodeParams
 
 if TYPE_CHECKING:
@@ -221,6 +221,8 @@ class Scenario:
             InputError: e.g. a URDF without the frame, joints missing or in another order, a path out of reach;
                 more contacts than arms.
         """
+        from slip_vic.scenarios.reach import check_start
+        from slip_vic_controller.arm.robot import Robot
         from slip_vic_controller.session.controller import Controller
 
         for params in self.controllers.values():
@@ -233,26 +235,15 @@ class Scenario:
                 )  # fmt: skip
         Controller(self.controllers, self.placed, lockstep=True)
         self.bridge_session()
-        self.check_arm()
+        for name, known in self.controllers.items():
+            robot = Robot(self.placed[name], known.ee_frame, known.joint_names, known.gravity)
+            check_start(robot, known, self.bridges[name])
 
     def bridge_session(self) -> BridgeSession:
         """Return simulation and sensors of a run."""
         from slip_sim_bridge.session import BridgeSession
 
         return BridgeSession(self.bridges, self.urdfs)
-
-    def check_arm(self) -> None:
-        """Check that every arm can start where the scenario says, and follow its path.
-
-        Raises:
-            InputError: it cannot; or a URDF that does not fit.
-        """
-        from slip_vic.scenarios.reach import check_start
-        from slip_vic_controller.arm.robot import Robot
-
-        for name, known in self.controllers.items():
-            robot = Robot(self.placed[name], known.ee_frame, known.joint_names, known.gravity)
-            check_start(robot, known, self.bridges[name])
 
 
 def load_scenario(
@@ -278,7 +269,7 @@ def load_scenario(
     Raises:
         InputError: unknown scenario, unknown parameter (nearest names offered), bad value, unreadable URDF.
     """
-    text, origin = scenario_text(scenario), f"scenario {scenario}"
+    text, origin = preset_text("scenarios", scenario), f"scenario {scenario}"
     outer = validate(ScenarioFile, parse_mapping(text, origin), origin)
     values = {name: _values(outer, name) for name in outer.arms or (ONE_ARM,)}
     mismatch = dict(outer.mismatch.model_dump())
@@ -349,29 +340,19 @@ def _made(
 
 def _mismatched(params: BridgeParams, wrong: Mismatch, *, last: bool) -> BridgeParams:
     """Return the parameters of an arm in the world as it is."""
-    update: dict[str, Any] = {}
-    if wrong.mass != 1.0:
-        grasped = params.object
-        update["object"] = grasped.model_copy(
-            update={"mass": grasped.mass * wrong.mass, "inertia": tuple(wrong.mass * x for x in grasped.inertia)}
-        )
-    if last and wrong.friction != 1.0:
-        known = params.friction
-        update["friction"] = known.model_copy(
-            update={"mu_s": known.mu_s * wrong.friction, "mu_k": known.mu_k * wrong.friction}
-        )
-    if last and any((*wrong.base_position, *wrong.base_rotation)):
-        update["base"] = _moved(params.base, wrong)
-    return params.model_copy(update=update) if update else params
-
-
-def _moved(base: BaseParams, wrong: Mismatch) -> BaseParams:
-    """Return where a base really is."""
     from scipy.spatial.transform import Rotation
 
-    rotation = (Rotation.from_rotvec(wrong.base_rotation) * Rotation.from_rotvec(base.rotation)).as_rotvec()
-    position = [a + b for a, b in zip(base.position, wrong.base_position, strict=True)]
-    return BaseParams(position=tuple(position), rotation=tuple(rotation.tolist()))
+    values = flatten(params)
+    values["object.mass"] *= wrong.mass
+    values["object.inertia"] = [wrong.mass * x for x in values["object.inertia"]]
+    if last:
+        values["friction.mu_s"] *= wrong.friction
+        values["friction.mu_k"] *= wrong.friction
+        values["base.position"] = [a + b for a, b in zip(params.base.position, wrong.base_position, strict=True)]
+    if last and any(wrong.base_rotation):
+        turned = Rotation.from_rotvec(wrong.base_rotation) * Rotation.from_rotvec(params.base.rotation)
+        values["base.rotation"] = turned.as_rotvec().tolist()
+    return build(BridgeParams, values, "mismatch")
 
 
 def _own_contacts(own: NodeValues, law: Law) -> None:

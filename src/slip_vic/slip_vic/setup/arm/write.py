@@ -15,7 +15,7 @@ from slip_core.errors import InputError
 from slip_core.files.plain_yaml import read_yaml
 from slip_core.files.urdf import NO_LIMIT, parse_urdf
 from slip_core.records import new, record
-from slip_vic.scenarios import scenario_text
+from slip_vic.presets import preset_text
 from slip_vic.scenarios.parameter_files import commented_file, write_files
 from slip_vic.scenarios.reach import pad_path
 from slip_vic.scenarios.scenario import NODES, Scenario, load_scenario
@@ -136,7 +136,7 @@ class Arm:
         return [self.hand.joints[j] for j in np.flatnonzero(inertia < WRIST_SHARE * min(params.object.inertia[:3]))]
 
     def _content(self, base: str, start: Start, scale: float) -> dict[str, Any]:
-        text = scenario_text(base)
+        text = preset_text("scenarios", base)
         content: dict[str, Any] = read_yaml(text)
         shared, controller, bridge = (content.setdefault(key, {}) for key in ("shared", "controller", "bridge"))
         shared |= {
