@@ -1,4 +1,4 @@
-"""What every node of the suite adds to rclpy's: callbacks that never end the process, topics per arm, slow publishing.
+"""What every node of the suite adds to rclpy's: callbacks that never end the process, topics per arm.
 
 An exception that leaves a callback ends the executor's spin, and the messages that were waiting are lost with it. Here
 it stays in the callback, and the node decides what it means.
@@ -127,27 +127,3 @@ class NodePart:
         """Return the node's name followed by that of the arm."""
         arm = self._prefix.rstrip("/")
         return f"{self._node.get_fully_qualified_name()}/{arm}".rstrip("/")
-
-
-class OnceEvery:
-    """Due at the first call, and then at the first call of every period of a clock.
-
-    What is published once a second takes a few tenths of a millisecond. Several of them in the same cycle would make
-    the next one late, so each has its own phase.
-
-    Args:
-        period_ns: length of a period.
-        phase: fraction of the period after which it begins, in [0, 1).
-    """
-
-    def __init__(self, period_ns: int, phase: float) -> None:
-        self._period_ns, self._shift_ns = period_ns, round((1.0 - phase) * period_ns)
-        self._last: int | None = None
-
-    def due(self, now_ns: int) -> bool:
-        """Return whether this is the first call in its period; also after the clock was set back."""
-        number = (now_ns + self._shift_ns) // self._period_ns
-        if number == self._last:
-            return False
-        self._last = number
-        return True

@@ -112,13 +112,3 @@ def test_recovering_damaged_files(sample, mutations):
         if error is None:
             with Bag(out) as bag:
                 assert len(list(bag.raw())) == bag.message_count
-
-
-@SETTINGS
-@given(data=st.binary(max_size=200))
-def test_reading_noise(data):
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "x.mcap"
-        path.write_bytes(data)
-        with pytest.raises(InputError):
-            Bag(path)

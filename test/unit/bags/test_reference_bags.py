@@ -15,7 +15,6 @@ from slip_vic.replay.verify import verify_run
 from slip_vic.run.data import read_data
 from slip_vic.run.in_process import run_in_process
 from slip_vic.run.judge import judge
-from test.support.run_maker import with_parameters
 from tools.reference_bags import LARGEST_BYTES, REFERENCES, Reference
 
 BAGS = Path(__file__).parents[3] / "bags"
@@ -56,12 +55,3 @@ def test_the_simulation_does_what_it_did_when_a_reference_bag_was_recorded(refer
     np.testing.assert_allclose(pose[:, :3], bag_pose[:, :3], rtol=0.0, atol=1e-9)
     turns = [Rotation.from_quat(rows[:, 3:]).as_matrix() for rows in (pose, bag_pose)]
     np.testing.assert_allclose(*turns, rtol=0.0, atol=1e-9)
-
-
-def test_a_gain_changed_in_its_last_bit_is_noticed() -> None:
-    with Bag(BAGS / "paper_planar_vic") as bag:
-        runs = read_run(bag)
-    stiffness = runs[""].params.gains.stiffness
-    changed = [float(stiffness[0] * (1.0 + 2.0**-52)), *stiffness[1:]]
-    verdict = verify_run(with_parameters(runs, **{"gains.stiffness": changed}))
-    assert not verdict.identical

@@ -50,12 +50,6 @@ def test_a_urdf_without_the_mujoco_extension_keeps_fixed_links():
 @pytest.mark.parametrize(
     ("name", "value", "word"),
     [
-        ("object.mass", 0.0, "object.mass"),
-        ("object.inertia", (1e-3, 1e-3, 1e-2, 0.0, 0.0, 0.0), "inertia"),
-        ("object.inertia", (1e-3, 1e-3), "object.inertia"),
-        ("contacts.position", (0.0, 0.0), "contacts"),
-        ("contacts.orientation_xyzw", (0.0, 0.0, 0.0, 2.0), "orientation_xyzw"),
-        ("contacts.slip_axes", (True,) * 5, "slip_axes"),
         ("initial_position", (0.0,) * 6, "initial_position"),
         ("joint_names", ("a",) * 7, "joint_names"),
         ("control_period_s", 0.0, "control_period_s"),

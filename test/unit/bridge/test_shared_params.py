@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import pytest
-
-from slip_core.errors import InputError
-from slip_core.grasp_params import QUATERNION_TOLERANCE, ArmParams, ContactParams, ObjectParams
-from slip_core.params import ParameterModel, build, parameter_infos
+from slip_core.grasp_params import ArmParams, ContactParams, ObjectParams
+from slip_core.params import ParameterModel, parameter_infos
 from slip_sim_bridge.params import BridgeParams
 from slip_vic_controller.params.node_params import ControllerNodeParams
 
@@ -19,27 +16,6 @@ def declared(model: type[ParameterModel]) -> dict[str, tuple]:
         info.name: (info.kind, info.default, info.unit, info.description, dict(info.bounds))
         for info in parameter_infos(model)
     }
-
-
-def accepts(model: type[ParameterModel], values: dict) -> bool:
-    try:
-        build(model, values, "test")
-    except InputError:
-        return False
-    return True
-
-
-def quaternion(norm: float) -> tuple[float, ...]:
-    return (0.0, 0.6 * norm, 0.0, 0.8 * norm)
-
-
-@pytest.mark.parametrize(
-    "norm", [1.0, 1.0004, 1.0008, 0.9992, 1.0 + QUATERNION_TOLERANCE * 0.999, 1.0011, 0.9989, 0.0, 2.0]
-)
-def test_both_nodes_take_the_same_quaternions(norm):
-    """|q| = 1.0008 once passed the controller, which tests |q|, and was refused by the bridge, which tested |q|^2."""
-    expected = abs(norm - 1.0) <= QUATERNION_TOLERANCE
-    assert [accepts(model, {"contacts.orientation_xyzw": quaternion(norm)}) for model in NODES] == [expected] * 2
 
 
 def test_parameters_of_one_name_have_one_declaration():

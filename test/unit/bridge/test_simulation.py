@@ -23,14 +23,6 @@ def test_a_drive_follows_its_rate_and_its_limit(largest_change):
         assert np.array_equal(applied, np.clip(followed, -limit, limit))
 
 
-@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
-@pytest.mark.parametrize("joint", [0, 2])
-def test_the_drive_says_where_an_effort_is_not_finite(bad, joint):
-    wanted = np.zeros(3)
-    wanted[joint] = bad
-    assert not drive(wanted, np.zeros(3), math.inf, np.ones(3), np.zeros(3))
-
-
 def test_a_position_leads_a_joint_by_what_its_speed_makes_good_in_a_period() -> None:
     """A loop of bandwidth K goes 1 - exp(-K T) of the way: with that lead it moves at its speed, and no faster."""
     scenario = load_scenario("paper_planar", drive="position_250")

@@ -33,6 +33,7 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     ({"gains.stiffness": (1e7,) * 6}, ["stiffness", "100000"]),
     ({"contacts.slip_axes": (True,) * 5}, ["contacts"]),
     ({"contacts.orientation_xyzw": (0.0,) * 4}, ["contacts", "orientation_xyzw", "norm"]),
+    ({"contacts.orientation_xyzw": (0.0, 0.6007, 0.0, 0.8009)}, ["contacts", "orientation_xyzw", "norm"]),
     ({"object.mass": 0.0}, ["object.mass"]),
     ({"object.inertia": (1.0, 1.0, 3.0, 0.0, 0.0, 0.0)}, ["object.inertia", "principal moments"]),
     ({"object.inertia": (1.0, 1.0, 1.0)}, ["object.inertia"]),

@@ -24,8 +24,9 @@ from slip_msgs_py.messages.layout import SIZES, Layout, layout_of
 
 NAMES = [f"arm_joint{i}" for i in range(1, 8)]
 NS = 1_000_000_000
-SPECIAL = [0.0, -0.0, float("inf"), float("-inf"), 5e-324, -2.2250738585072009e-308, 1.7976931348623157e308]
 QUIET_NAN_WITH_PAYLOAD = struct.unpack("<d", struct.pack("<Q", 0x7FF8_0000_DEAD_BEEF))[0]
+SPECIAL = [0.0, -0.0, float("inf"), float("-inf"), 5e-324, -2.2250738585072009e-308, 1.7976931348623157e308,
+           QUIET_NAN_WITH_PAYLOAD, -QUIET_NAN_WITH_PAYLOAD]  # fmt: skip
 doubles = st.one_of(st.floats(width=64, allow_nan=True, allow_infinity=True), st.sampled_from(SPECIAL))
 stamps = st.integers(min_value=0, max_value=2**31 * NS - 1)
 
@@ -83,7 +84,7 @@ def bits(values: Any) -> list[int]:
 
 @kinds
 @given(data=st.data())
-def test_typed_decoder_reads_what_the_codec_writes_bit_for_bit(kind: Kind, data: st.DataObject) -> None:
+def test_codec_and_typed_code_read_bit_for_bit_what_the_other_writes(kind: Kind, data: st.DataObject) -> None:
     codec = kind.codec()
     number = st.integers(-(2**63), 2**63 - 1) if kind.whole else doubles
     arrays = [data.draw(st.lists(number, min_size=n, max_size=n)) for n in kind.sizes]
@@ -96,31 +97,12 @@ def test_typed_decoder_reads_what_the_codec_writes_bit_for_bit(kind: Kind, data:
         stamp = numbers_at(message, kind.stamp)
         assert stamp[0] * NS + stamp[1] == stamp_ns
 
-
-@kinds
-@given(data=st.data())
-def test_codec_reads_what_the_typed_encoder_writes_bit_for_bit(kind: Kind, data: st.DataObject) -> None:
-    codec = kind.codec()
-    number = st.integers(-(2**63), 2**63 - 1) if kind.whole else doubles
-    arrays = [data.draw(st.lists(number, min_size=n, max_size=n)) for n in kind.sizes]
-    stamp_ns = data.draw(stamps) if kind.stamp else 0
-    message = deserialize_message(codec.encode(stamp_ns, *arrays), type(kind.template()))
     # rclpy appends a few bytes of slack after an empty float64[]; whatever it leaves in the padding stays there.
     read = codec.decode(serialize_message(message)[: codec.size])
     assert read is not None
     assert read[0] == stamp_ns
     for got, values in zip(read[1], arrays, strict=True):
         assert bits(got) == bits(values)
-
-
-def test_nan_payload_and_sign_survive() -> None:
-    kind = KINDS["WrenchStamped"]
-    values = np.array([QUIET_NAN_WITH_PAYLOAD, -QUIET_NAN_WITH_PAYLOAD, *SPECIAL[:4]])
-    written = kind.codec().encode(7, values)
-    read = kind.codec().decode(written)
-    assert read is not None
-    assert bits(read[1][0]) == bits(values)
-    assert bits(numbers_at(deserialize_message(written, WrenchStamped), "wrench")) == bits(values)
 
 
 @kinds

@@ -1,4 +1,4 @@
-"""Guarded callbacks, and what is due once a second."""
+"""Guarded callbacks."""
 
 from __future__ import annotations
 
@@ -7,10 +7,7 @@ from typing import Any
 
 import pytest
 
-from slip_msgs_py.node_shell import LOUD_VARIABLE, GuardedNode, OnceEvery
-
-SECOND = 1_000_000_000
-PHASES = (0.0, 0.25, 0.5, 0.75)
+from slip_msgs_py.node_shell import LOUD_VARIABLE, GuardedNode
 
 
 class Rclpy:
@@ -67,28 +64,3 @@ def test_destroyed_timer_does_not_run() -> None:
     node.timers.clear()
     tick()
     assert calls == [1]
-
-
-def due_times(phase: float, times: range) -> list[int]:
-    publishing = OnceEvery(SECOND, phase)
-    return [t for t in times if publishing.due(t)]
-
-
-@pytest.mark.parametrize("phase", PHASES)
-def test_due_first_then_once_per_period(phase: float) -> None:
-    begin = 7 * SECOND + 100_000_000
-    first, *after = due_times(phase, range(begin, begin + 3 * SECOND, 1_000_000))
-    assert first == begin
-    assert len(after) == 3
-    assert all((t - round(phase * SECOND)) % SECOND == 0 for t in after)
-
-
-def test_phases_do_not_coincide() -> None:
-    begin = 5_000_000
-    after = [set(due_times(phase, range(begin, 4 * SECOND, 1_000_000))[1:]) for phase in PHASES]
-    assert sum(map(len, after)) == len(set.union(*after))
-
-
-def test_clock_set_back_starts_a_period() -> None:
-    publishing = OnceEvery(SECOND, 0.0)
-    assert [publishing.due(t) for t in (5 * SECOND, 5 * SECOND + 1, SECOND, SECOND)] == [True, False, True, False]

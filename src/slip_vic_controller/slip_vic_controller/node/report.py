@@ -13,7 +13,6 @@ from slip_core.types import AXES
 from slip_msgs_py.events import emit
 from slip_msgs_py.fast_io import Refusals, Sender, create_sender
 from slip_msgs_py.messages import forms, to_msgs
-from slip_msgs_py.node_shell import OnceEvery
 from slip_msgs_py.qos import create_publisher
 from slip_vic_controller.node.timing import SCALARS, CycleTiming
 from slip_vic_controller.params.node_params import ControllerNodeParams
@@ -70,7 +69,9 @@ class ArmReport:
             self._senders.append(self._send_timing)
         self._last: tuple[Mode, tuple[int, ...], str] | None = None
         self._incidents = IncidentWatch()
-        self._mode_is_due, self._timing_is_due = (OnceEvery(STATUS_PERIOD_NS, phase) for phase in (0.0, 0.5))
+        self._mode_period = self._timing_period = -1
+        """Periods in which they were last on /diagnostics; those of the timing begin half a period later, since both
+        in one cycle would make the next one late."""
 
     @property
     def publishers(self) -> tuple[Any, ...]:
@@ -88,7 +89,9 @@ class ArmReport:
             return
         wall_ns = time.time_ns()
         self._send_timing.send(wall_ns, self._timing.add(began_ns, time.monotonic_ns(), wall_ns, result.ledger))
-        if self._timing_is_due.due(wall_ns):
+        period = (wall_ns + STATUS_PERIOD_NS // 2) // STATUS_PERIOD_NS
+        if period != self._timing_period:
+            self._timing_period = period
             self._publish_status(wall_ns, "timing", *self._timing.status())
 
     def publish(self, result: CycleResult) -> None:
@@ -111,8 +114,10 @@ class ArmReport:
         mode, stamp_ns = result.mode, result.joint.stamp_ns
         go_on = GO_ON if mode == Mode.FAULT else ENABLE if mode == Mode.HOLD and not result.record.mode.enabled else ""
         now = (mode, result.reason_key, go_on)
-        if not self._mode_is_due.due(stamp_ns) and now == self._last:
+        period = stamp_ns // STATUS_PERIOD_NS
+        if period == self._mode_period and now == self._last:
             return
+        self._mode_period = period
         of_arm = f"{self._arm.name}: " if self._arm.name else ""
         incident = self._incidents.see(result)
         if incident is not None:
