@@ -119,13 +119,11 @@ class DrakePlant:
         self.plant, _ = plant, _ = AddMultibodyPlant(config, builder)
         plant.mutable_gravity_field().set_gravity_vector(params.gravity)
         grasp, plates = plant.AddModelInstance("grasp"), plant.AddModelInstance("plate")
-        self.names, limits = [], {}
+        self.names = []
         if urdf is None:
             self.hand = plant.AddRigidBody("hand", grasp, SpatialInertia.SolidSphereWithMass(HAND_KG, 0.1))
         else:
             robot = ET.fromstring(urdf)
-            limits = {joint.get("name"): float(joint.find("limit").get("effort")) for joint in robot.iter("joint")
-                      if joint.find("limit") is not None}  # fmt: skip
             (arm,) = Parser(plant).AddModelsFromString(without_shapes(robot), "urdf")
             plant.WeldFrames(plant.world_frame(), plant.GetBodyByName(robot.find("link").get("name")).body_frame())
             self.hand, self.names = plant.GetBodyByName(params.ee_frame, arm), list(params.joint_names)
@@ -148,7 +146,6 @@ class DrakePlant:
         joints = [plant.GetJointByName(name) for name in self.names]
         self.q_at = np.array([joint.position_start() for joint in joints], int)
         self.v_at = np.array([joint.velocity_start() for joint in joints], int)
-        self.effort_limits = (np.array([limits[name] for name in self.names]),)
         self.layout = read_out(len(joints))
         self.contact_port = plant.get_generalized_contact_forces_output_port(plates)
         self.pushed, self.contact = np.zeros(6), np.zeros(6)

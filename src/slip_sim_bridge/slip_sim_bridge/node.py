@@ -18,8 +18,8 @@ from std_srvs.srv import Trigger
 
 from slip_core.arms import by_arm, prefix_of
 from slip_core.errors import InputError, ProtocolError
-from slip_core.files.urdf import on_base, placed_urdf
-from slip_core.files.urdf_file import read_urdf
+from slip_core.files.urdf import on_base
+from slip_core.files.urdf_file import arm_urdf
 from slip_core.incidents import Incident
 from slip_core.stamps import split_ns
 from slip_core.timing import spread
@@ -87,7 +87,7 @@ class SlipSimBridge(GuardedNode, Node):
 
     def _create_endpoints(self) -> None:
         common = self._common
-        placed = {name: standing_urdf(name, arm) for name, arm in self._params.items()}
+        placed = {name: on_base(arm_urdf(arm), arm.base) for name, arm in self._params.items()}
         self._arms = tuple(
             ArmTopics(
                 self, prefix_of(name), arm, placed[name], self._refusals, partial(self._on_command, index),
@@ -350,14 +350,3 @@ class SlipSimBridge(GuardedNode, Node):
         if now - self._progress_wall > PROGRESS_EVERY_S:
             self._progress_wall = now
             emit("progress", sim_time_s=self.session.elapsed_s, ticks=self.session.tick)
-
-
-def arm_urdf(params: BridgeParams) -> str:
-    """Return the URDF of an arm, on its own base."""
-    return params.robot_description or read_urdf(params.robot_description_file, "parameter robot_description_file")
-
-
-def standing_urdf(name: str, params: BridgeParams) -> str:
-    """Return the URDF of an arm as it stands in the world; that of an only arm in the origin as it is."""
-    base, urdf = params.base, arm_urdf(params)
-    return placed_urdf(urdf, base.position, base.rotation) if name else on_base(urdf, base)

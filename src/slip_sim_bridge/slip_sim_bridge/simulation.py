@@ -10,7 +10,6 @@ import numpy as np
 
 from slip_core.arms import prefix_of, shared
 from slip_core.arrays import Array, readonly
-from slip_core.compiled import IN1, INT, OUT1, REAL, kernel
 from slip_core.errors import InputError
 from slip_core.records import record
 from slip_core.types import JointSample, ObjectTruth, SlipSample, WrenchSample
@@ -64,13 +63,13 @@ class Arm:
 
     Args:
         params: of this arm.
-        limits: of its joint efforts; (n,) [N m].
-        joints: of its URDF; drives with loops of their own keep to their ends and speeds.
+        joints: of its URDF, to whose limits its drives keep.
     """
 
-    def __init__(self, params: BridgeParams, limits: Array, joints: UrdfJoints) -> None:
-        self.params, self.limits, self.joints, self.layout = params, limits, joints, read_out(len(limits))
-        self.drives = Drives(params.drive, limits, params.control_period_s)
+    def __init__(self, params: BridgeParams, joints: UrdfJoints) -> None:
+        self.params, self.joints, self.limits = params, joints, joints.effort
+        self.layout = read_out(len(self.limits))
+        self.drives = Drives(params.drive, self.limits, params.control_period_s)
         self.gripper = Gripper(params.grip, params.control_period_s)
         self.largest_change = params.effort_rate * params.control_period_s
         self.edge = 0.5 * params.grip.pad_size[0], 0.5 * params.grip.pad_size[1]
@@ -79,7 +78,7 @@ class Arm:
         """Effort of a hand on the joints."""
         self.posture: Array | None = None
         """What the arm holds; None where it obeys."""
-        self.applied = self.coming = np.zeros_like(limits)
+        self.applied = self.coming = np.zeros_like(self.limits)
         """Efforts of the drives in the step that just ended, and in that which is being made."""
         self.has_lost = False
 
@@ -124,11 +123,10 @@ class Arm:
 
     def limited(self, effort: Array) -> Array | None:
         """Return an effort within the limits of effort and of its change; None where it is not finite. (n,) [N m]."""
-        applied = np.empty(len(self.limits))
-        if not drive(effort, self.applied, self.largest_change, self.limits, applied):
+        if not np.isfinite(effort).all():
             return None
-        applied.setflags(write=False)
-        return applied
+        followed = np.clip(effort, self.applied - self.largest_change, self.applied + self.largest_change)
+        return readonly(np.clip(followed, -self.limits, self.limits))
 
 
 class Simulation:
@@ -158,10 +156,7 @@ class Simulation:
         self.plant: Movable = self._held
         self.loss: tuple[int, str] | None = None
         """When the object left the first pad [ns], and how; None while all hold it."""
-        self.arms = tuple(
-            Arm(arm, limits, urdf_joints(arm, urdfs[name]))
-            for (name, arm), limits in zip(params.items(), self._held.effort_limits, strict=True)
-        )
+        self.arms = tuple(Arm(arm, urdf_joints(arm, urdfs[name])) for name, arm in params.items())
         self.notes = tuple(
             f"{prefix_of(name)}friction and damping of the URDF's joints are not simulated: use drive.coulomb, viscous"
             for name, arm in zip(params, self.arms, strict=True)
@@ -325,23 +320,6 @@ class Simulation:
             posture = self._posture(index)
             arm.start(posture, self.plant.holding_effort(index, posture, 0.0, 0.0))
         self._diverged = False
-
-
-@kernel(INT(IN1, IN1, REAL, IN1, OUT1))
-def drive(wanted: Array, last: Array, largest_change: float, limit: Array, out: Array) -> int:
-    """Write the effort that the drives apply to `out`; return 1, or 0 where what is wanted is not finite.
-
-    wanted, last, limit, out (n,) [N m]; largest_change [N m] from the last effort to this one, inf where unbounded.
-
-    A drive follows at most `largest_change` from its last effort to this one.
-    """
-    for i in range(len(wanted)):
-        effort = wanted[i]
-        if not math.isfinite(effort):
-            return 0
-        effort = min(max(effort, last[i] - largest_change), last[i] + largest_change)
-        out[i] = min(max(effort, -limit[i]), limit[i])
-    return 1
 
 
 def make_plant(params: Mapping[str, BridgeParams], urdfs: Mapping[str, str]) -> Plant:

@@ -8,9 +8,9 @@ import math
 import numpy as np
 import pytest
 
+from slip_core.files.urdf_file import arm_urdf
 from slip_core.params import build
 from slip_core.types import JointSample, SlipSample, WrenchSample
-from slip_sim_bridge.node import arm_urdf
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.sensors.slip import dead_band
 from slip_sim_bridge.sensors.suite import SensorSuite

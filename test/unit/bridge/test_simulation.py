@@ -1,26 +1,26 @@
-"""What drives make of commands, against numpy."""
+"""What drives make of commands."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
-import pytest
 
-from slip_sim_bridge.simulation import drive
 from slip_vic.scenarios.scenario import load_scenario
+from test.unit.bridge.scenes import scene
 
 
-@pytest.mark.parametrize("largest_change", [0.0, 0.5, math.inf])
-def test_a_drive_follows_its_rate_and_its_limit(largest_change):
-    rng = np.random.default_rng(1)
-    for spread in np.repeat([0.3, 3.0], 200):
-        limit = np.array([1.0, 2.0, math.inf])
-        last, wanted = rng.uniform(-1.0, 1.0, 3), spread * rng.standard_normal(3)
-        applied = np.full(3, math.nan)
-        assert drive(wanted, last, largest_change, limit, applied)
-        followed = np.clip(wanted, last - largest_change, last + largest_change)
-        assert np.array_equal(applied, np.clip(followed, -limit, limit))
+def test_an_effort_changes_at_its_rate_up_to_its_limit() -> None:
+    simulation = scene()
+    arm, start = simulation.arm, simulation.observe().joint.effort.copy()
+    arm.largest_change = 0.5
+    wanted = np.array([1e3, -1e3, 0.2, -0.2, 1e3, -1e3, 0.0]) + start * [0, 0, 1, 1, 0, 0, 1]
+    for k in range(300):
+        simulation.step(wanted)
+        expected = start + np.clip(wanted - start, -0.5 * (k + 1), 0.5 * (k + 1))
+        np.testing.assert_allclose(
+            simulation.observe().joint.effort, np.clip(expected, -arm.limits, arm.limits), atol=1e-9
+        )
 
 
 def test_a_position_leads_a_joint_by_what_its_speed_makes_good_in_a_period() -> None:

@@ -12,8 +12,18 @@ from typing import Final
 
 from slip_core.errors import InputError
 from slip_core.files.resources import find_file, open_file, read_text
+from slip_core.grasp_params import ArmParams
 
 SUFFIX: Final = ".xacro"
+
+
+def arm_urdf(params: ArmParams) -> str:
+    """Return the URDF of an arm, on its own base.
+
+    Raises:
+        InputError: as in `read_urdf`.
+    """
+    return params.robot_description or read_urdf(params.robot_description_file, "parameter robot_description_file")
 
 
 def read_urdf(uri: str, what: str) -> str:

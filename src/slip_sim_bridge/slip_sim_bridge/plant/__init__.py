@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import functools
 import os
-from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
@@ -83,11 +82,6 @@ class Movable(Protocol):
 
 class Plant(Movable, Protocol):
     """Arms that hold the object."""
-
-    @property
-    def effort_limits(self) -> Sequence[Array]:
-        """Joint effort limits of each arm; (n,) [N m], inf where the URDF has none."""
-        ...
 
     def gripped_at(self, arm: int) -> tuple[float, float]:
         """Return where the point of the object that was gripped is on the pad, along x and y of {ee} [m]."""

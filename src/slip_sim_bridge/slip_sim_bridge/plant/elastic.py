@@ -31,7 +31,7 @@ from slip_sim_bridge.plant.elastic_step import (
 )
 from slip_sim_bridge.plant.joint_step import AGREEMENT, DRIVE_PASSES, TORQUE, joint_step
 from slip_sim_bridge.plant.loose import LoosePlant
-from slip_sim_bridge.plant.model import check_divergence, effort_limits, name_of
+from slip_sim_bridge.plant.model import check_divergence
 
 LONGEST_STEP = 0.3
 """Largest step as a share of 1 / omega of the stiffest motion of object and pads; the spring is stable below 2."""
@@ -49,9 +49,6 @@ class ElasticPlant(LoosePlant):
         super().__init__(arms, urdfs)
         self._params = each = tuple(arms.values())
         model, data = self.model, self.data
-        self.effort_limits = tuple(
-            effort_limits(model, [name_of(name, joint) for joint in arm.joint_names]) for name, arm in arms.items()
-        )
         self._initial = np.concatenate([arm.initial_position for arm in each])
 
         law, _ = friction_law(each[0].friction)

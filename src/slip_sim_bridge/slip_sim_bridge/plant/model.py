@@ -6,8 +6,7 @@ object at the pad centre, on its axes.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import mujoco
@@ -122,15 +121,10 @@ def compile_spec(spec: mujoco.MjSpec) -> mujoco.MjModel:
         raise InputError("robot_description", got=str(error), expected="a physically consistent model") from None
 
 
-def effort_limits(model: mujoco.MjModel, joint_names: Sequence[str]) -> Array:
-    """Return `effort` of the URDF's joint limits, inf where there is none; (n,) [N m]."""
-    joints = [model.joint(name).id for name in joint_names]
-    return readonly([model.jnt_actfrcrange[j, 1] if model.jnt_actfrclimited[j] else math.inf for j in joints])
-
-
 class UrdfJoints(NamedTuple):
     """What the URDF has of an arm's joints, 0 where it has none; (n,) each."""
 
+    effort: Array  # N m
     lower: Array  # rad
     upper: Array  # rad
     speed: Array  # rad/s
@@ -143,9 +137,9 @@ def urdf_joints(params: BridgeParams, urdf_text: str) -> UrdfJoints:
     joints = named(parse_urdf(usable_urdf(urdf_text, params.ee_frame, params.joint_names)), "joint")
 
     def of(element: str, name: str) -> Array:
-        return np.array([numbers_of(joints[joint].find(element), name, (0.0,))[0] for joint in params.joint_names])
+        return readonly([numbers_of(joints[joint].find(element), name, (0.0,))[0] for joint in params.joint_names])
 
-    limits, dynamics = ("lower", "upper", "velocity"), ("friction", "damping")
+    limits, dynamics = ("effort", "lower", "upper", "velocity"), ("friction", "damping")
     return UrdfJoints(*(of("limit", name) for name in limits), *(of("dynamics", name) for name in dynamics))
 
 

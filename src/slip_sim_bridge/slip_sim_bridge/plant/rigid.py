@@ -28,7 +28,6 @@ from slip_sim_bridge.plant.model import (
     arm_spec,
     check_divergence,
     compile_spec,
-    effort_limits,
     give_inertia,
     sensor_address,
     tree_of,
@@ -86,7 +85,6 @@ class RigidPlant:
         (params,), (urdf_text,) = arms.values(), urdfs.values()
         self.model = model = build_model(params, urdf_text)
         self.data = data = mujoco.MjData(model)
-        self.effort_limits = (effort_limits(model, params.joint_names),)
         self._initial = np.array(params.initial_position)
         self._p_R_o = np.ascontiguousarray(matrix_from_quat_xyzw(params.contacts.orientation_xyzw[:4]).T)
         law, self._law = friction_law(params.friction)

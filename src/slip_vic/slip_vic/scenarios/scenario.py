@@ -14,7 +14,7 @@ from pydantic import Field
 from slip_core.arms import ONE_ARM, params_of_arms, prefix_of
 from slip_core.errors import InputError, UnknownName
 from slip_core.files.urdf import on_base
-from slip_core.files.urdf_file import read_urdf
+from slip_core.files.urdf_file import arm_urdf
 from slip_core.grasp_params import BaseParams, Three
 from slip_core.params import (
     ParameterModel,
@@ -331,8 +331,7 @@ def _made(
         if controllers[name].wrench.source == "none":
             own["bridge"]["sensors.wrench.silent"] = True  # nor does anybody wait for it
         params = build(BridgeParams, own["bridge"], f"{called}: bridge")
-        file = params.robot_description_file
-        urdfs[name] = params.robot_description or read_urdf(file, "parameter robot_description_file")
+        urdfs[name] = arm_urdf(params)
         placed[name] = on_base(urdfs[name], params.base)
         bridges[name] = _mismatched(params, wrong, last=last)
     return Scenario(outer.name, outer.description, text, law, controllers, bridges, urdfs, placed)

@@ -20,9 +20,8 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 
 from slip_core.arms import by_arm, shared
 from slip_core.errors import SlipVicError
-from slip_core.files.urdf import placed_urdf
-from slip_core.files.urdf_file import read_urdf
-from slip_core.grasp_params import BaseParams
+from slip_core.files.urdf import on_base
+from slip_core.files.urdf_file import arm_urdf
 from slip_msgs_py.endpoint_matching import Waiting, missing_endpoints
 from slip_msgs_py.events import emit
 from slip_msgs_py.executor import Spinner
@@ -43,7 +42,6 @@ from slip_vic_controller.session.session import ControllerSession, Results
 LOOK_S = 0.02
 WATCHDOG_S = 0.01
 LINGER_S = 0.2  # for the answer of the transition that ends the process to reach who asked
-ORIGIN = BaseParams()
 COMMON = ("mode", "auto_activate", "expected_subscribers")
 _Transition = Callable[[Any, LifecycleState], TransitionCallbackReturn]
 
@@ -314,14 +312,7 @@ def make_controller(params: Mapping[str, ControllerNodeParams]) -> Controller:
     """
     shared(params, COMMON, "one process controls all arms")
     lockstep = next(iter(params.values())).mode == "lockstep"
-    return Controller(params, {name: _urdf(of) for name, of in params.items()}, lockstep=lockstep)
-
-
-def _urdf(params: ControllerNodeParams) -> str:
-    """Return the URDF of an arm on its base."""
-    urdf = params.robot_description or read_urdf(params.robot_description_file, "parameter robot_description_file")
-    base = params.base
-    return urdf if base == ORIGIN else placed_urdf(urdf, base.position, base.rotation)
+    return Controller(params, {name: on_base(arm_urdf(of), of.base) for name, of in params.items()}, lockstep=lockstep)
 
 
 def _manifest(_stamp_ns: int, numbers: Any) -> Manifest:

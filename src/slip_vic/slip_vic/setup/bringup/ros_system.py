@@ -19,7 +19,7 @@ from std_srvs.srv import Trigger
 
 from slip_core.arrays import Array
 from slip_core.errors import InputError, ProtocolError
-from slip_core.files.urdf_file import read_urdf
+from slip_core.files.urdf_file import arm_urdf
 from slip_core.params import build, parameter_infos
 from slip_core.stamps import stamp_to_ns
 from slip_core.topics import TOPICS
@@ -56,9 +56,7 @@ class RosSystem:
         self._node, self._ns = node, f"/{namespace.strip('/')}".rstrip("/")
         names = [info.name for info in parameter_infos(ControllerNodeParams)]
         self.params = build(ControllerNodeParams, self.parameters(names), CONTROLLER)
-        self.urdf = self.params.robot_description or read_urdf(
-            self.params.robot_description_file, "parameter robot_description_file"
-        )
+        self.urdf = arm_urdf(self.params)
         if self._state() == State.PRIMARY_STATE_UNCONFIGURED:
             self._change(Transition.TRANSITION_CONFIGURE)
         self._inputs = {name: self._subscribe(name, full) for name, full in self._find_inputs().items()}
