@@ -6,17 +6,14 @@ import math
 import os
 import sys
 import tempfile
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
-import psutil
 
 from slip_bags.cli import bag, run_command
 from slip_core.errors import InputError
-from slip_msgs_py.stop_flag import ending
 from slip_vic import __version__
 from slip_vic.experiments.cli import benchmark, check, merge, study, tune
 from slip_vic.options import DOMAIN_ID, IN_PROCESS, SCENARIOS, Choice, choosing, end_with, out_option
@@ -30,7 +27,6 @@ if TYPE_CHECKING:
     from slip_vic.run.launcher import RunResult
     from slip_vic.run.run import Run
 
-LONGEST_END_S = 2.0  # after a signal, where nothing has been started
 LONGEST_JUDGED_S = 60.0
 """Longest run of which a bag is made only to judge it."""
 
@@ -101,7 +97,7 @@ def run(
         process = ProcessOptions(parse_cores(cpus) if cpus else (), fifo, lock_memory)
         with tempfile.TemporaryDirectory(prefix="slip_vic_run_") as folder:
             launcher = Launcher(
-                loaded, bag=record or (Path(folder) / "bag" if judged else None), keep_bag=record is not None,
+                loaded, bag=record or (Path(folder) / "bag" if judged else None),
                 wanted_domain=domain_id, namespace=namespace, process=process,
             )  # fmt: skip
             with progress(console, unit=" s") as add_bar:
@@ -214,19 +210,10 @@ def process() -> None:
     """
     if sys.argv[1:2] not in (["run"], ["demo"]):
         sys.exit(main())
-    with ending(_end_in_time):
-        code = main()
-        sys.stdout.flush()
-        sys.stderr.flush()
-        os._exit(code)
-
-
-def _end_in_time(_number: int) -> None:
-    """End a process that has no others to end and is held up, by a library that is being loaded for instance."""
-    time.sleep(LONGEST_END_S)
-    if not psutil.Process().children():
-        os.write(sys.stderr.fileno(), b"error: interrupted\n")
-        os._exit(InputError.exit_code)
+    code = main()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)
 
 
 if __name__ == "__main__":

@@ -57,7 +57,7 @@ def run_soak(
                 series.setdefault(_name(process), []).append(sample_process(process, t))
 
     with tempfile.TemporaryDirectory(prefix="slip_vic_soak_") as folder:
-        result = Launcher(scenario, bag=Path(folder) / "bag", keep_bag=False).run(on_progress)
+        result = Launcher(scenario, bag=Path(folder) / "bag").run(on_progress)
     return result, {name: samples for name, samples in series.items() if len(samples) > 1}
 
 

@@ -117,31 +117,19 @@ def test_ctrl_c_while_importing_ends_with_the_exit_code(body: str, tmp_path: Pat
     assert (done.returncode, done.stderr.strip()) == (2, "error: interrupted")
 
 
-HELD_UP = """
+STAYS = """
 import atexit, sys
-from slip_msgs_py.stop_flag import StopFlag
 from slip_vic import cli
-from test.system.nodes.stuck_node import get_stuck
 atexit.register(print, "taken down")
-def held_up():
-    StopFlag().install()
-    print("loads a library", flush=True)
-    get_stuck()
-cli.main = {"held up": held_up, "good": lambda: 7}[sys.argv.pop()]
+cli.main = lambda: 7
 cli.process()
 """
 
 
-def test_a_run_ends_without_taking_down_the_interpreter_and_in_time_where_a_library_holds_it_up() -> None:
-    command = [sys.executable, "-c", HELD_UP, "run"]
-    good = subprocess.run([*command, "good"], capture_output=True, text=True, timeout=DEADLINE_S, check=False)
-    assert (good.returncode, good.stdout, good.stderr) == (7, "", "")
-    with subprocess.Popen([*command, "held up"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        assert process.stdout.readline() == "loads a library\n"
-        process.send_signal(signal.SIGTERM)
-        output, errors = process.communicate(timeout=DEADLINE_S)
-    assert (process.returncode, output, errors) == (2, "", "error: interrupted\n")
+def test_a_run_ends_without_taking_down_the_interpreter() -> None:
+    command = [sys.executable, "-c", STAYS, "run"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=DEADLINE_S, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (7, "", "")
 
 
 def test_a_process_started_inside_never_hears_ctrl_c() -> None:

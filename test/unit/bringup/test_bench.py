@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import json
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from hypothesis import given
-from hypothesis import strategies as st
 
 from slip_vic.scenarios.scenario import load_scenario
 from test.campaigns.bench import cost, measure
@@ -26,12 +23,6 @@ def test_ratios_within_a_round() -> None:
     tick = 2.0 + NAMES.index("lockstep")
     np.testing.assert_allclose(found.loc["recorder_ratio"], (2.0 + NAMES.index("lockstep, recorded")) / tick)
     np.testing.assert_allclose(found.loc["lockstep_tick_us"], 1e6 * tick * np.array([1.0, 0.2, 5.0]))
-
-
-@given(st.lists(st.text(min_size=1), min_size=1, max_size=8, unique=True), st.integers(0, 20))
-def test_rotation_of_names(names: list[str], number: int) -> None:
-    assert sorted(measure.rotated(names, number)) == sorted(names)
-    assert {measure.rotated(names, k)[0] for k in range(len(names))} == set(names)
 
 
 def test_figures_in_the_file(tmp_path: Path) -> None:
@@ -62,18 +53,3 @@ def test_ticks_of_a_stretch() -> None:
     for turns, at in ((1, 2), (cost.STRETCH + 3, 6)):  # and one that is not timed
         assert cost.interleaved({"step": now}, turns)["step"] > 0.0
         assert now.at == at
-
-
-def test_calls_in_every_order() -> None:
-    seen: list[str] = []
-    calls = {name: partial(seen.append, name) for name in "abc"}
-    assert set(cost.interleaved(calls, 60)) == set("abc")
-    turns = ["".join(seen[i : i + 3]) for i in range(0, len(seen), 3)]
-    assert turns[0] == "abc"  # not timed
-    assert len(turns) == 61
-    assert {"".join(sorted(turn)) for turn in turns} == {"abc"}
-    assert len(set(turns)) == 6
-
-
-def test_efforts_differ_in_length_only() -> None:
-    assert measure.QUICK.rounds >= 2  # one round would show no noise

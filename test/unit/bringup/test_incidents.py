@@ -6,12 +6,9 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from click.testing import CliRunner
 
 from slip_core.incidents import Incident
-from slip_vic.cli import cli
 from slip_vic.run.in_process import run_in_process
-from slip_vic.run.launcher import RunResult
 from slip_vic.scenarios.scenario import Law, load_scenario
 from slip_vic_controller.safety.conditions import Reason
 from slip_vic_controller.safety.modes import Mode
@@ -71,17 +68,3 @@ def test_a_path_that_waits_for_the_arm_is_unreachable_only_when_it_waits_long() 
     waits, late = (Mode.DEGRADED, Reason.PATH_WAITS), 1.01 * UNREACHABLE_S
     assert seen((0.0, *waits), (late, *waits)) == [("unreachable", pytest.approx(late))]
     assert seen((0.0, *waits), (1.0, Mode.ACTIVE, 0), (late, *waits), (1.9 * late, *waits)) == []
-
-
-def test_run_says_it_and_ends_with_1(monkeypatch: pytest.MonkeyPatch) -> None:
-    class Launcher:
-        def __init__(self, *_: Any, **__: Any) -> None: ...
-
-        def run(self, *_: Any) -> RunResult:
-            lost = Incident("lost", 1.25, "the object is lost: the grip is zero")
-            return RunResult(1, 1.0, 1.0, None, 0, 0, {}, {}, (), (lost,))
-
-    monkeypatch.setattr("slip_vic.run.launcher.Launcher", Launcher)
-    done = CliRunner().invoke(cli, ["run"])
-    assert done.exit_code == 1, done.output
-    assert "LOST at 1.250 s: the object is lost: the grip is zero\n" in done.output

@@ -5,23 +5,12 @@ from __future__ import annotations
 import pytest
 
 from slip_vic.scenarios import scenario_names
-from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.safety.limit_avoidance import BRAKE_SHARE
 from test.support.limits import asked, shipped
 
 EFFORT_RATE = 1000.0
 """[N m/s], of such arms."""
 CONTROLLERS = ("classical", "vic", "governed")
-
-
-def test_no_scenario_raises_a_limit() -> None:
-    for name in scenario_names(1):
-        for kind in CONTROLLERS:
-            for mode in ("lockstep", "realtime"):
-                loaded = load_scenario(name, law=kind, mode=mode)
-                limits = loaded.controller.safety.limits
-                assert limits.effort_rate == EFFORT_RATE, (name, kind, mode)
-                assert loaded.bridge.effort_rate == EFFORT_RATE
 
 
 @pytest.mark.parametrize("name", scenario_names(1))

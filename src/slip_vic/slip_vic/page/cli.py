@@ -9,7 +9,6 @@ from pathlib import Path
 
 import click
 
-from slip_core.errors import InputError
 from slip_vic.options import out_option
 from slip_vic.page import require_page
 
@@ -26,8 +25,6 @@ def report(bags: tuple[Path, ...], out: Path) -> None:
     labels = [path.name if path.is_dir() else path.stem for path in bags]
     if len(set(labels)) != len(labels):
         labels = [str(path) for path in bags]
-    if len(set(labels)) != len(labels):
-        raise InputError("report", got="the same bag twice", expected="different bags")
     runs = {label: read_data(path) for label, path in zip(labels, bags, strict=True)}
     write_page(out, runs, command=shlex.join(["slip-vic", *sys.argv[1:]]))
     click.echo(f"{out}: {out.stat().st_size / 1e6:.2f} MB")

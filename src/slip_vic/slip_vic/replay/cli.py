@@ -15,19 +15,16 @@ def verify(bag_path: Path) -> None:
     Exit code 0: identical. 1: not, with the first difference. 2: this bag cannot be verified.
     """
     from rich.console import Console
-    from rich.progress import Progress
 
     from slip_bags.reader import Bag
     from slip_vic.replay.run_data import read_run
     from slip_vic.replay.verify import other_software, verify_run
 
-    console = Console(stderr=True)
     with Bag(bag_path) as opened:
         runs = read_run(opened)
         notes = other_software(opened.custom_data)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task("replaying", total=sum(len(run.ledger) for run in runs.values()))
-        verdict = verify_run(runs, lambda: progress.advance(task))
+    with Console(stderr=True).status("replaying"):
+        verdict = verify_run(runs)
     click.echo(verdict.text())
     if not verdict.identical:
         for note in notes:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from slip_core.files.plain_yaml import parse_json
@@ -40,15 +40,14 @@ class Comparison:
         )
 
 
-def verify_run(runs: Mapping[str, RecordedRun], on_cycle: Callable[[], None] = lambda: None) -> Comparison:
-    """Replay the run of each arm; `on_cycle` is called after every cycle.
+def verify_run(runs: Mapping[str, RecordedRun]) -> Comparison:
+    """Replay the run of each arm.
 
     Raises:
         InputError: the run cannot be replayed from its bag.
     """
     different, first = 0, None
     for divergence in replay(runs):
-        on_cycle()
         if divergence is not None:
             different += 1
             first = first or divergence

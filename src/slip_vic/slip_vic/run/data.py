@@ -219,9 +219,8 @@ def parameters_of(name: str, path: Path, text: str) -> dict[str, Any]:
 
 
 def _parameters(bag: Bag, name: str, arm: str) -> dict[str, Any]:
-    for candidate in (f"{arm}.{name}", name):
-        if candidate in bag.attachments:
-            values = parameters_of(candidate, bag.path, bag.attachments[candidate].decode("utf-8"))
-            own = {k.removeprefix(f"{arm}."): v for k, v in values.items() if arm and k.startswith(f"{arm}.")}
-            return own or values
-    return {}
+    if name not in bag.attachments:
+        return {}
+    values = parameters_of(name, bag.path, bag.attachments[name].decode("utf-8"))
+    own = {k.removeprefix(f"{arm}."): v for k, v in values.items() if arm and k.startswith(f"{arm}.")}
+    return own or values

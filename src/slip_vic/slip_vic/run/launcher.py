@@ -26,13 +26,6 @@ POLL_S = 0.02
 TIMING = ("fresh", "overruns", "missed", "latency")
 
 
-class Interrupted(InputError):
-    """The user ended the run before its end; everything was closed in order."""
-
-    def __init__(self, detail: str) -> None:
-        super().__init__("interrupted", got=detail, expected="the run's full duration")
-
-
 @dataclass(frozen=True, slots=True)
 class RunResult:
     """What a finished run reports: ticks, simulated and wall time, recorder's counts, where the bag is.
@@ -66,7 +59,6 @@ class Launcher:
     Args:
         scenario: parameters of both nodes.
         bag: folder to record into, None records nothing; it must not exist yet.
-        keep_bag: whether the bag stays, so that the user is told where it is.
         wanted_domain: ROS domain id, None takes ROS_DOMAIN_ID or a free one.
         namespace: ROS namespace of all nodes.
         process: cores, priority and memory of bridge and controller: one core for both, or the bridge's and the
@@ -81,14 +73,12 @@ class Launcher:
         scenario: Scenario,
         *,
         bag: Path | None = None,
-        keep_bag: bool = True,
         wanted_domain: int | None = None,
         namespace: str = "",
         process: ProcessOptions = NO_OPTIONS,
     ) -> None:
         self._scenario = scenario
         self._bag = bag
-        self._keep_bag = keep_bag
         self._on_progress: Callable[[float], None] = lambda _: None
         self._wanted_domain = chosen_domain(wanted_domain)
         self._namespace = f"/{namespace.strip('/')}" if namespace else ""
@@ -114,7 +104,7 @@ class Launcher:
 
         Raises:
             ProtocolError: the first child that failed, with its exit code and last lines, or a missed deadline.
-            Interrupted: SIGINT, SIGTERM or SIGHUP came first.
+            InputError: SIGINT, SIGTERM or SIGHUP came first; everything was closed in order.
         """
         self._on_progress = on_progress
         prepare()  # children that compile would miss the deadline by which they have to be ready
@@ -183,16 +173,13 @@ class Launcher:
                 # Without a recorder no process needs what is still on its way.
                 group.stop([child for child in group.children if child.name != "recorder"], in_haste=self._bag is None)
                 group.stop(group.children)
-                raise Interrupted(f"a signal{self._progress_text(group)}")
+                ended = next((child.results for child in group.children if child.name == "bridge"), {})
+                when = f"after {ended['sim_time_s']:.3f} s" if ended else "before the start"
+                raise InputError("interrupted", got=f"a signal {when}", expected="the run's full duration")
             group.check()
             if deadline is not None and time.monotonic() > deadline:
                 states = "\n".join(f"  {child.name}:\n{child.tail()}" for child in group.children)
                 raise ProtocolError(f"waited {timeout_s:g} s for {what}; last lines:\n{states}")
-
-    def _progress_text(self, group: ProcessGroup) -> str:
-        done = next((child.results for child in group.children if child.name == "bridge"), {})
-        kept = f"; bag kept in {self._bag}" if self._keep_bag and self._bag is not None and self._bag.exists() else ""
-        return (f" after {done['sim_time_s']:.3f} s" if done else " before the start") + kept
 
     def _result(self, children: dict[str, Child]) -> RunResult:
         done = children["bridge"].results
@@ -233,11 +220,9 @@ def _with_cores(options: ProcessOptions, mode: str) -> ProcessOptions:
 
 
 def _check_new_folder(bag: Path) -> None:
-    if bag.exists():
-        raise InputError(
-            f"bag folder {bag}", got="it exists", expected="a new folder", fix="remove it or choose another"
-        )
-    parent = next(folder for folder in bag.absolute().parents if folder.exists())
-    # The kernel's own file systems say they can be written, and cannot.
-    if not os.access(parent, os.W_OK) or parent.is_relative_to("/proc") or parent.is_relative_to("/sys"):
-        raise InputError(f"bag folder {bag}", got=f"{parent} cannot be written", expected="a place that can be written")
+    try:
+        bag.mkdir(parents=True)
+        bag.rmdir()
+    except OSError as error:
+        fix = "remove it or choose another"
+        raise InputError(f"bag folder {bag}", got=error, expected="a new folder that can be written", fix=fix) from None

@@ -72,11 +72,9 @@ def load_ratio(run: ArmData) -> Array:
 
 def arrival_s(run: ArmData) -> float:
     """Return from when on the pad stays within ARRIVED of the end of its path [s]; NaN where it does not get there."""
-    position, desired = run.law_six("position"), run.law_six("desired")
-    known = np.isfinite(position).all(axis=1) & np.isfinite(desired).all(axis=1)
-    if not known.any():
+    times, position, desired = _at_work(run)
+    if not len(times):
         return math.nan
-    position, desired, times = position[known], desired[known], run.channel("law").times[known]
     goal = desired[-1]
     if len(times) > 1 and np.abs(desired[-1] - desired[-2]).max() > AT_REST * (times[-1] - times[-2]):
         return math.nan
@@ -88,23 +86,29 @@ def arrival_s(run: ArmData) -> float:
     return float(times[first])
 
 
+def _at_work(run: ArmData) -> tuple[Array, Array, Array]:
+    """Return times (N,) [s], pose of the pad and of its reference (N, 6) wherever the law was at work."""
+    position, desired = run.law_six("position"), run.law_six("desired")
+    known = np.isfinite(np.hstack((position, desired))).all(axis=1)
+    return run.channel("law").times[known], position[known], desired[known]
+
+
 def off_goal_m(run: ArmData, params: ControllerParams) -> float:
     """Return how far the pad ends from the end of a built-in path as planned [m]; NaN where the law was never at work.
 
     Wherever the reference rests: a governed path may rest before its end. A path of the object leads the pad where it
     is configured to grasp it.
     """
-    position, desired = run.law_six("position"), run.law_six("desired")
-    known = np.isfinite(position).all(axis=1) & np.isfinite(desired).all(axis=1)
-    if not known.any():
+    times, position, desired = _at_work(run)
+    if not len(times):
         return math.nan
-    start, way, contacts = desired[known][0], pad_path(params.trajectory, 2)[1][-1], params.contacts
+    start, way, contacts = desired[0], pad_path(params.trajectory, 2)[1][-1], params.contacts
     goal = start[:3] + way[:3]
     if params.trajectory.of == "object":
         of_object = Rotation.from_rotvec(start[3:]) * Rotation.from_quat(contacts.orientation_xyzw[:4]).inv()
         lever = of_object.apply(contacts.position[:3])
         goal += Rotation.from_rotvec(way[3:]).apply(lever) - lever
-    return float(np.linalg.norm(position[known][-1, :3] - goal))
+    return float(np.linalg.norm(position[-1, :3] - goal))
 
 
 def effort_rate(run: ArmData) -> float:
