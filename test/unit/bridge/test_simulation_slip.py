@@ -17,6 +17,8 @@ from .scenes import Shaker, scenario_params, scene
 EXACT = 1e-9  # two ways to the same number; rounding is 1e-13
 SCENARIOS = ["paper_planar", "vertical_plane", "glass_transport"]
 WITHIN_A_STEP = 1e-3  # force and slip of a step belong to contact positions one step of 0.1 ms apart
+STUCK = 1e-12  # m/s: stick leaves rounding only
+BREAK_AWAY = 0.005  # required; the grip falls by 0.05 % a tick
 SHAKES = [(name, 11) for name in SCENARIOS]
 
 
@@ -113,6 +115,28 @@ def test_slip_dissipates_exactly_the_friction_law(name, seed):
         else:
             assert used <= friction.mu_s * grip * (1.0 + 1e-9)
     assert slipped > 10
+
+
+@pytest.mark.parametrize("offset", [(0.0, 0.0, 0.0), (0.02, 0.01, 0.0)])
+@pytest.mark.parametrize("direction", [(1.0, 0.0, 0.0), (1.0, -1.0, 0.0), (0.0, -1.0, 0.0)])
+def test_break_away_at_mu_n(direction, offset):
+    """The grip is let go slowly under the object's own weight, which alone loads the pad, in its plane."""
+    pad, params = scene().observe().pad[1], scenario_params()
+    down, rho = np.array(direction) / np.linalg.norm(direction), params.friction.torsional_radius
+    force = params.object.mass * 9.81 * down
+    torque = np.cross(-np.array(offset), force)[2]  # the weight acts at the centre of mass
+    grip = needed = np.hypot(np.linalg.norm(force), torque / rho) / params.friction.mu_s
+    simulation = scene(
+        gravity=tuple(9.81 * pad @ down), contacts__position=offset, contacts__orientation_xyzw=(0.0, 0.0, 0.0, 1.0),
+        grip__force=1.1 * needed,
+    )  # fmt: skip
+    grip *= 1.1
+    while np.linalg.norm(simulation.observe().slip.twist[[0, 1, 5]] * (1.0, 1.0, rho)) < STUCK:
+        grip -= 0.0005 * needed
+        assert grip > 0.9 * needed
+        simulation.set_grip_force(grip)
+        simulation.step(None)
+    assert grip == pytest.approx(needed, rel=BREAK_AWAY)
 
 
 @pytest.mark.parametrize("seed", [31])
