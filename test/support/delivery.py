@@ -10,7 +10,7 @@ from test.support.one_arm import OneArm, one_arm
 
 def begun_bridge(scenario) -> BridgeSession:
     """Return the bridge of a scenario at the campaign's wall clock."""
-    bridge = scenario.bridge_session()
+    bridge = BridgeSession(scenario.bridges, scenario.urdfs)
     bridge.start_at(START_NS)
     return bridge
 

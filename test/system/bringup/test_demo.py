@@ -1,4 +1,4 @@
-"""The demo as a user runs it: exit code, files, schema, and the promised ratio, from bags recorded over DDS."""
+"""The demo as a user runs it: exit code, files and schema, from bags recorded over DDS."""
 
 import itertools
 import json
@@ -31,12 +31,6 @@ def test_summary_has_the_documented_form(demo: tuple[Path, str]) -> None:
         assert all(isinstance(run[name], int | float) for name in NUMBERS)
         assert run["ticks"] == 1000 * DEMO_S
         assert run["messages_lost"] == 0
-
-
-def test_vic_slips_twenty_times_less(demo: tuple[Path, str]) -> None:
-    runs = json.loads((demo[0] / "summary.json").read_text())["runs"]
-    assert runs["classical"]["slip_linear_m"] > 20.0 * runs["vic"]["slip_linear_m"]
-    assert runs["vic"]["slip_linear_m"] < 2e-3
 
 
 def test_bags_are_where_the_summary_says(demo: tuple[Path, str]) -> None:

@@ -7,6 +7,7 @@ from collections import Counter
 import pytest
 
 from slip_core.types import JointCommand
+from slip_sim_bridge.session import BridgeSession
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.session.controller import Controller
 from slip_vic_controller.session.session import ControllerSession
@@ -23,7 +24,7 @@ def test_silent_input_stops_both(topic: str, mode: str) -> None:
         "controller.trajectory.start_s=0.0", "controller.trajectory.duration_s=1.2",
     )  # fmt: skip
     scenario = load_scenario("pane_two_arms_upright", mode="realtime", assignments=assignments)
-    bridge = scenario.bridge_session()
+    bridge = BridgeSession(scenario.bridges, scenario.urdfs)
     session = ControllerSession(Controller(scenario.controllers, scenario.placed, lockstep=False))
     commands: list[JointCommand | None] = [None, None]
     modes, apart = Counter[str](), 0

@@ -148,10 +148,3 @@ def test_page_holds_everything_and_fetches_nothing(tmp_path: Path) -> None:
     assert data is not None
     model = unpack(gzip.decompress(base64.b64decode(data[1])))
     assert [plot["name"] for plot in model["plots"]][:2] == ["slip_mm", "slip_deg"]
-
-
-@pytest.mark.parametrize(("bag", "words"), [("no_such_bag", "no_such_bag"), ("folder", "MCAP files")])
-def test_no_bag_is_one_line(tmp_path: Path, bag: str, words: str) -> None:
-    (tmp_path / "folder").mkdir()
-    with pytest.raises(InputError, match=words):
-        read_data(tmp_path / bag)

@@ -53,7 +53,7 @@ def with_value(info: ParameterInfo, value: float) -> Any:
 @pytest.fixture(scope="module")
 def bridge() -> tuple[Any, BridgeSession]:
     scenario = load_scenario("paper_planar")
-    return scenario, scenario.bridge_session()
+    return scenario, BridgeSession(scenario.bridges, scenario.urdfs)
 
 
 def run_loop(bridge: BridgeSession, controller: Controller) -> None:

@@ -18,6 +18,7 @@ from slip_core.topics import topic
 from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_msgs_py.messages import forms, from_msgs
 from slip_msgs_py.qos import message_class
+from slip_sim_bridge.session import BridgeSession
 from slip_vic_controller.safety.effort_limiter import LONGEST_STEP_S, RESTART_AFTER_S
 from slip_vic_controller.safety.modes import Request
 from slip_vic_controller.session.controller import Controller
@@ -150,7 +151,7 @@ def test_session_keeps_command_limits(first_bad: bool, sequence: list[tuple[str,
 def _run(
     scenario: Any, law: Controller, monitor: CommandMonitor, first_bad: bool, sequence: list[tuple[str, Any, int]]
 ) -> None:
-    bridge = scenario.bridge_session()
+    bridge = BridgeSession(scenario.bridges, scenario.urdfs)
     bridge.start_at(1000 * NS)
     session = OneArm(law)
     now_ns = 5 * NS

@@ -51,7 +51,8 @@ def _absent(controller: ControllerNodeParams) -> set[str]:
 
 def recorder_command(scenario: Scenario, bag: Path, folder: Path, namespace: str) -> list[str]:
     """Return the command of the recorder process; attachments are written into `folder` first."""
-    attachments = {**scenario.descriptions, "scenario.yaml": scenario.text}
+    attachments = {f"{name or 'arm'}.urdf": urdf for name, urdf in scenario.placed.items()}
+    attachments["scenario.yaml"] = scenario.text
     for key, params in (("controller", scenario.controller), ("bridge", scenario.bridge)):
         attachments[f"{key}.params.yaml"] = ros_parameter_file(params, NODES[key][0])
     arguments = ["record", "--out", str(bag)]

@@ -18,7 +18,7 @@ import yaml
 from slip_bags.reader import Bag
 from slip_bags.series import Series
 from slip_core.arrays import Array
-from slip_core.errors import InputError
+from slip_core.errors import InputError, UnknownName
 from slip_core.files.plain_yaml import read_yaml
 from slip_core.params import flat_names
 from slip_core.types import AXES, INTERFACES
@@ -98,12 +98,12 @@ class RunData:
         """Return an arm of a scenario by its name, in whatever namespace; "" is the name of an only arm.
 
         Raises:
-            InputError: the run has no such arm.
+            UnknownName: the run has no such arm.
         """
         for arm in self.arms:
             if not name or arm.name.rpartition("/")[2] == name:
                 return replace(arm, name=name)
-        raise InputError("recorded run", got=f"no arm {name}", expected="a run of this suite")
+        raise UnknownName("arm", name, [arm.name for arm in self.arms])
 
     @property
     def duration_s(self) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 from slip_core.arrays import Array
 from slip_core.incidents import Incident
 from slip_core.types import DisplacementSample, JointCommand
-from slip_sim_bridge.session import TickOutputs
+from slip_sim_bridge.session import BridgeSession, TickOutputs
 from slip_vic.scenarios.scenario import Scenario
 from slip_vic_controller.session.controller import Controller
 from slip_vic_controller.session.cycle_result import CycleResult
@@ -75,7 +75,7 @@ class ClosedLoop:
     """
 
     def __init__(self, scenario: Scenario) -> None:
-        self.bridge = scenario.bridge_session()
+        self.bridge = BridgeSession(scenario.bridges, scenario.urdfs)
         self.session = ControllerSession(Controller(scenario.controllers, scenario.placed, lockstep=True))
         self.controller = self.session.arms[0]
 

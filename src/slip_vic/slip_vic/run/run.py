@@ -12,7 +12,7 @@ import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.types import AXES
-from slip_vic.run.data import ArmData, RunData
+from slip_vic.run.data import RunData
 from slip_vic.run.metrics import summarise
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ class Run:
         """The changes of mode of each arm: from when on [s], mode and reason."""
         return {name: self.data.arm(name).modes for name in self.summary}
 
-    def frame(self, arm: str | None = None) -> pd.DataFrame:
+    def frame(self, arm: str = "") -> pd.DataFrame:
         """Return every tick as a row.
 
         Columns: time_s; slip_*, slip_velocity_* (pad axes) with their norms slip_linear_mm, slip_angular_deg;
@@ -99,14 +99,14 @@ class Run:
         where it was not evaluated.
 
         Args:
-            arm: which one; None: the first.
+            arm: which one; "": the first.
 
         Raises:
             InputError: no arm of that name.
         """
         import pandas as pd
 
-        data = self._arm(arm)
+        data = self.data.arm(arm)
         rows = {name: channel.rows for name, channel in data.channels.items()}
         columns: dict[str, Array] = {
             "time_s": data.channel("slip").times,
@@ -138,14 +138,6 @@ class Run:
         ends = {label: self.reason} if self.reason else {}
         write_page(Path(path), {label: self.data}, command="slip_vic.Run.page", ends=ends)
         return Path(path)
-
-    def _arm(self, name: str | None) -> ArmData:
-        from slip_core.errors import UnknownName
-
-        arms = {arm.name: arm for arm in self.data.arms}
-        if name is not None and name not in arms:
-            raise UnknownName("arm", name, arms)
-        return next(iter(arms.values())) if name is None else arms[name]
 
     def __repr__(self) -> str:
         why = f" ({self.reason})" if self.reason else ""

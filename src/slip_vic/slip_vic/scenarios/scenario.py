@@ -37,7 +37,6 @@ from slip_vic_controller.params.node_params import ControllerNodeParams
 
 if TYPE_CHECKING:
     from slip_core.arrays import Array
-    from slip_sim_bridge.session import BridgeSession
     from slip_vic.experiments.law import Law as OwnLaw
     from slip_vic.run.in_process import Tick
     from slip_vic.run.run import Run
@@ -209,11 +208,6 @@ class Scenario:
         """Seed of the sensors' noise."""
         return self.first.seed
 
-    @property
-    def descriptions(self) -> dict[str, str]:
-        """URDFs as the controllers have them, by the name of the file in a bag."""
-        return {f"{name or 'arm'}.urdf": urdf for name, urdf in self.placed.items()}
-
     def check(self) -> None:
         """Make controller and simulation once, so that what does not fit is said before any process starts.
 
@@ -221,6 +215,7 @@ class Scenario:
             InputError: e.g. a URDF without the frame, joints missing or in another order, a path out of reach;
                 more contacts than arms.
         """
+        from slip_sim_bridge.session import BridgeSession
         from slip_vic.scenarios.reach import check_start
         from slip_vic_controller.arm.robot import Robot
         from slip_vic_controller.session.controller import Controller
@@ -234,16 +229,10 @@ class Scenario:
                     fix="several arms that hold one object are below `arms` in the scenario: docs/governor.md",
                 )  # fmt: skip
         Controller(self.controllers, self.placed, lockstep=True)
-        self.bridge_session()
+        BridgeSession(self.bridges, self.urdfs)
         for name, known in self.controllers.items():
             robot = Robot(self.placed[name], known.ee_frame, known.joint_names, known.gravity)
             check_start(robot, known, self.bridges[name])
-
-    def bridge_session(self) -> BridgeSession:
-        """Return simulation and sensors of a run."""
-        from slip_sim_bridge.session import BridgeSession
-
-        return BridgeSession(self.bridges, self.urdfs)
 
 
 def load_scenario(
