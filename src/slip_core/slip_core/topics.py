@@ -33,7 +33,6 @@ class Topic:
     description: str
     latched: bool = False
     depth: int = 10000
-    recorded: bool = True
     common: bool = False
     several: bool = False
 

@@ -10,8 +10,6 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSCompatibility, qos_check_compatible
 from rclpy.subscription import Subscription
 
-from slip_core.errors import ProtocolError
-
 FIRST_SAID_S, SAID_AGAIN_S = 1.0, 10.0
 
 
@@ -57,33 +55,8 @@ class Waiting:
         self._report = report
         self._next_s = time.monotonic() + FIRST_SAID_S
 
-    def tell(self, missing: Callable[[], str]) -> None:
+    def tell(self, missing: str) -> None:
         """Say what is missing, where it is time to."""
         if time.monotonic() >= self._next_s:
             self._next_s = time.monotonic() + SAID_AGAIN_S
-            self._report(f"waits: {missing()}")
-
-
-def wait_until(
-    condition: Callable[[], bool],
-    *,
-    spin_once: Callable[[float], None],
-    should_stop: Callable[[], bool],
-    timeout_s: float,
-    explain: Callable[[], str],
-    waiting: Waiting,
-) -> bool:
-    """Spin until `condition` holds; return False where the process was asked to stop first.
-
-    Raises:
-        ProtocolError: after `timeout_s` on the steady clock, with what `explain` says.
-    """
-    deadline = time.monotonic() + timeout_s
-    while not condition():
-        if should_stop():
-            return False
-        waiting.tell(explain)
-        if time.monotonic() > deadline:
-            raise ProtocolError(f"waited {timeout_s:g} s: {explain()}")
-        spin_once(0.01)
-    return True
+            self._report(f"waits: {missing}")

@@ -24,7 +24,7 @@ from slip_core.incidents import Incident
 from slip_core.stamps import split_ns
 from slip_core.timing import spread
 from slip_core.types import JointCommand
-from slip_msgs_py.endpoint_matching import Waiting, missing_endpoints, wait_until
+from slip_msgs_py.endpoint_matching import Waiting, missing_endpoints
 from slip_msgs_py.events import emit
 from slip_msgs_py.executor import Spinner
 from slip_msgs_py.fast_io import Refusals, create_sender
@@ -202,14 +202,16 @@ class SlipSimBridge(GuardedNode, Node):
         self.get_logger().info(f"started in {self._common.mode}" + ", waits for the controller" * bool(subscribers))
         if not self._lockstep and not subscribers:
             return True
-        return wait_until(
-            lambda: (self._controller_ready or not subscribers) and not missing(),
-            spin_once=self._executor.spin_once,
-            should_stop=should_stop,
-            timeout_s=self._common.peer_timeout_s,
-            explain=lambda: "; ".join([*["controller is not ready"] * (not self._controller_ready), *missing()]),
-            waiting=Waiting(self.get_logger().info),
-        )
+        waiting, timeout_s = Waiting(self.get_logger().info), self._common.peer_timeout_s
+        deadline = time.monotonic() + timeout_s
+        while lacking := [*["controller is not ready"] * (subscribers and not self._controller_ready), *missing()]:
+            if should_stop():
+                return False
+            waiting.tell("; ".join(lacking))
+            if time.monotonic() > deadline:
+                raise ProtocolError(f"waited {timeout_s:g} s: {'; '.join(lacking)}")
+            self._executor.spin_once(0.01)
+        return True
 
     def _run_lockstep(self, should_stop: Callable[[], bool]) -> None:
         """Publish the first state; from then on every command brings the next one, in its callback."""

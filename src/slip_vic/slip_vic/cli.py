@@ -86,12 +86,9 @@ def run(
         if page is not None and not judged:
             got = f"no --record, and {loaded.duration_s:g} s"
             raise InputError("--page", got=got, expected="a bag to draw", fix="--record BAG")
-        from slip_msgs_py.environment import check_ros
         from slip_msgs_py.realtime import ProcessOptions, parse_cores
-        from slip_vic.run.launcher import Launcher
-
-        check_ros()
         from slip_vic.run.judge import judge_bag
+        from slip_vic.run.launcher import Launcher
         from slip_vic.run.progress import progress
 
         process = ProcessOptions(parse_cores(cpus) if cpus else (), fifo, lock_memory)

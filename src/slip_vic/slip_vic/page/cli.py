@@ -42,9 +42,6 @@ def watch(namespace: str, domain_id: int | None, host: str, port: int) -> None:
 
     Without --domain-id and ROS_DOMAIN_ID it shows the newest `slip-vic run` of this machine.
     """
-    from slip_msgs_py.environment import check_ros
-
-    check_ros()
     require_page()
     from slip_bags.ros_node import ros_node
     from slip_msgs_py.stop_flag import StopFlag

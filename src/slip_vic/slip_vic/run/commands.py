@@ -21,7 +21,7 @@ SLIP_TOPICS = {"slip_velocity": "twist", "slip_displacement": "displacement", "s
 
 def recorded_topics(scenario: Scenario) -> list[tuple[str, str]]:
     """Return (name, type) of every topic that this scenario's processes publish."""
-    rows = [row for row in TOPICS.values() if row.recorded and row.publisher != "user"]
+    rows = [row for row in TOPICS.values() if row.publisher != "user"]
     if not scenario.several:
         rows = [row for row in rows if not row.several]
     found = []

@@ -94,10 +94,8 @@ def bringup(namespace: str, domain_id: int | None, simulated: bool, out: Path) -
     """
     if domain_id is not None:
         os.environ["ROS_DOMAIN_ID"] = str(domain_id)
-    from slip_msgs_py.environment import check_ros
     from slip_vic.scenarios.parameter_files import check_writable, write_files
 
-    check_ros()
     check_writable(out)  # here, not after the walk
     from slip_bags.ros_node import ros_node
     from slip_vic.setup.bringup.hands import Hands, Person, Simulated

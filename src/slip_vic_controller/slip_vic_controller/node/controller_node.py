@@ -271,7 +271,7 @@ class SlipVicController(GuardedNode, LifecycleNode):
         if self._ready or self._peers is None:
             return
         if missing := self._peers():
-            self._waiting.tell(lambda: "; ".join(missing))
+            self._waiting.tell("; ".join(missing))
             return
         set_up_interpreter()
         self._ready = True
