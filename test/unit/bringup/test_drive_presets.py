@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import pytest
-from click.testing import CliRunner
 
 from slip_core.errors import UnknownName
 from slip_core.params import flatten, parameter_infos
-from slip_vic.cli import cli
 from slip_vic.presets import preset_names
 from slip_vic.presets.models import load_drive
 from slip_vic.scenarios.scenario import apply_drive, drive_assignments, load_scenario
@@ -49,5 +47,3 @@ def test_lists_fit_an_arm_of_any_size(joints: int) -> None:
 def test_a_mistyped_name_is_answered() -> None:
     with pytest.raises(UnknownName, match="velocity_500"):
         load_drive("velocity_50")
-    result = CliRunner().invoke(cli, ["run", "--drive", "motor"], standalone_mode=False)
-    assert isinstance(result.exception, UnknownName)
