@@ -166,6 +166,10 @@ def demo(*, choice: Choice, out: Path, in_process: bool, domain_id: int | None) 
     require_page()
     if not in_process:
         check_ros()
+    from slip_vic.scenarios.scenario import load_scenario
+
+    load_scenario(**choice)  # a typo ends here
+
     from rich.console import Console
 
     from slip_vic.run.demo import run_demo

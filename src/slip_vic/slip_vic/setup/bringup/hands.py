@@ -19,6 +19,7 @@ SETTLED_S: Final = 0.3
 READ_S: Final = 0.2
 BY_HAND_S: Final = 4.0
 PUSH_N: Final = 3.0
+NO_TORQUE: Final = (0.0, 0.0, 0.0)
 TURN: Final = 0.03  # [rad, m]
 FIRM_N: Final = 40.0
 CARRIES: Final = 4.0  # times the weight: slip then points within 15 degrees of the pull
@@ -91,7 +92,7 @@ class Simulated:
 
     def push(self, words: str, direction: Array) -> Heard:
         """Push with `PUSH_N`."""
-        return self._leaning("push.wrench", _wrench(PUSH_N * direction))
+        return self._leaning("push.wrench", [*(PUSH_N * direction).tolist(), *NO_TORQUE])
 
     def pull(self, words: str, direction: Array, weight: float, slips: Callable[[Heard], bool]) -> list[Heard]:
         """Jerk harder each time, until it slips, on a grip that carries so much that the weight hardly turns it."""
@@ -99,7 +100,9 @@ class Simulated:
         self._tune("grip.force", carried / self._friction)
         heard: list[Heard] = []
         for step in range(STEPS):
-            jerk = partial(self._tune, "push.wrench", _wrench(0.6 * GROWTH**step * carried * direction))
+            jerk = partial(
+                self._tune, "push.wrench", [*(0.6 * GROWTH**step * carried * direction).tolist(), *NO_TORQUE]
+            )
             try:  # it may slip before the simulation has answered
                 heard.append(self._system.listen(STEP_S, jerk))
             finally:
@@ -128,8 +131,3 @@ class Simulated:
 
 
 Hands = Person | Simulated
-
-
-def _wrench(force: Array) -> list[float]:
-    """Return the wrench of a force without a torque; (6,) [N, N m]."""
-    return [*force.tolist(), 0.0, 0.0, 0.0]
