@@ -11,13 +11,10 @@ import pytest
 
 from slip_bags.reader import Bag
 from slip_core.errors import InputError, ProtocolError
-from slip_core.stamps import stamp_to_ns
 from slip_vic.run.launcher import Launcher
 from slip_vic.scenarios.scenario import load_scenario
 
 DEADLINE_S = 90.0
-# A wall clock decides how many commands arrive in time; on a loaded machine some do not.
-LEAST_ANSWERED_SHARE = 0.1
 
 
 def node_children() -> list[psutil.Process]:
@@ -93,25 +90,6 @@ def test_a_signal_ends_the_run_and_keeps_a_whole_bag(tmp_path: Path) -> None:
     with Bag(tmp_path / "bag") as bag:
         assert bag.topics["/joint_states"].message_count > 0
         assert set(bag.attachments) == {"arm.urdf", "scenario.yaml", "controller.params.yaml", "bridge.params.yaml"}
-
-
-def test_real_time_mode_answers_with_the_newest_state(real_time_run) -> None:
-    assert real_time_run.result.ticks == 2000
-    with Bag(real_time_run.bag) as bag:
-        states = {stamp_to_ns(m.value.header.stamp) for m in bag.messages("/joint_states")}
-        commands = [stamp_to_ns(m.value.header.stamp) for m in bag.messages("/effort_command")]
-    assert set(commands) <= states
-    assert commands == sorted(commands)  # the watchdog may answer a state again
-    assert len(commands) > LEAST_ANSWERED_SHARE * len(states)
-
-
-def test_a_namespace_moves_the_whole_run(tmp_path: Path) -> None:
-    scenario = load_scenario("paper_planar", assignments=["bridge.duration_s=0.1"])
-    result = Launcher(scenario, bag=tmp_path / "bag", namespace="/left").run()
-    assert result.lost == 0
-    with Bag(tmp_path / "bag") as bag:
-        assert bag.topics["/left/effort_command"].message_count == 100
-        assert "/clock" in bag.topics
 
 
 def test_nobody_waits_for_a_wrench_sensor_that_the_arm_does_not_have(tmp_path: Path) -> None:

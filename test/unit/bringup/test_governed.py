@@ -5,14 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from slip_core.records import new, record
-from slip_vic.run.in_process import ClosedLoop, run_in_process
+from slip_vic.run.in_process import run_in_process
 from slip_vic.scenarios.scenario import load_scenario
-from slip_vic_controller.cycle.governing import put_governed
 from slip_vic_controller.safety.modes import Mode
 from slip_vic_controller.session.cycle_result import CycleResult
-from slip_vic_controller.state import GOVERNED
-from test.support.call import call
 
 HELD_M = 1e-7
 """Slip of a grasp that holds: rounding of the friction's projection."""
@@ -72,17 +68,3 @@ def test_off_equals_printed_law() -> None:
     )  # fmt: skip
     pairs = zip(run_in_process(printed), run_in_process(off), strict=True)
     assert all(a.result.command.numbers.tobytes() == b.result.command.numbers.tobytes() for a, b in pairs)
-
-
-def test_friction_shares_are_published() -> None:
-    loop = ClosedLoop(load_scenario("paper_planar", law="governed"))
-    loop.answer(loop.bridge.observe())
-    state, out = loop.controller.state, new(GOVERNED)
-    state.pad.grip, state.pad.commanded, state.pad.measured = 0.5, 0.2, 0.3
-    for F_hat, factor in ((1.6, 1.25), (0.0, 0.0)):  # friction limit 0.8 N
-        state.pad.contact.F_median = F_hat
-        call(put_governed, loop.controller.config, loop.session.task, state, out)
-        governor = record(out, GOVERNED)
-        assert governor.friction_limit == 0.5 * F_hat
-        assert governor.load_ratio == pytest.approx(0.2 * factor)
-        assert governor.friction_share == pytest.approx(0.3 * factor)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import yaml
 
-from slip_core.params import build, flat_names, flatten
+from slip_core.params import build
 from slip_vic.scenarios import scenario_names
 from slip_vic.scenarios.parameter_files import config_files, parameter_page, topic_page
 from slip_vic.scenarios.scenario import NODES, load_scenario
@@ -45,12 +45,3 @@ def test_parameters_of_a_config_file() -> None:
             (content,) = yaml.safe_load(files[f"{scenario}/{name}.yaml"]).items()
             assert content[0] == f"/**/{node}"
             assert build(model, content[1]["ros__parameters"], name) == params
-
-
-def test_the_files_hold_what_a_scenario_sets_and_no_default() -> None:
-    for path in (ROOT / "config").rglob("*.yaml"):
-        ((node, content),) = yaml.safe_load(path.read_text()).items()
-        defaults = flatten(next(model for name, model in NODES.values() if node.endswith(name))())
-        given = flat_names(content["ros__parameters"])
-        assert given
-        assert [name for name, value in given.items() if value == defaults[name]] == [], path
