@@ -135,7 +135,7 @@ def _track(rows: list[Any], columns: int) -> Track:
 
 
 def bring_up(system: Loop) -> tuple[list[Verdict], Walk]:
-    walk = Walk(system, Simulated(system, flatten(system.bridge_params)))
+    walk = Walk(system, Simulated(system, system.bridge_params.grip.force))
     return list(walk.steps()), walk
 
 

@@ -14,6 +14,9 @@ from slip_sim_bridge.friction.params import FrictionParams
 from slip_sim_bridge.sensors.params import SensorsParams
 
 _CLOCK_TICKS_PER_S = 1_000_000_000
+HOLD_STIFFNESS = 400.0
+"""[1/s2] Joint stiffness over joint inertia while the arm holds: square of the natural frequency of the loop, which is
+critically damped."""
 
 Positive = Annotated[float, Field(gt=0.0)]
 
@@ -37,18 +40,6 @@ class GripParams(GripperModel):
         (0.2, 0.2),
         "size of the pad along its x and y: an object whose gripped point has slid over the edge is lost, and falls",
         unit="m",
-    )
-
-
-class HoldParams(ParameterModel):
-    """What the simulated arm does until a command arrives."""
-
-    stiffness: float = parameter(
-        400.0,
-        "joint stiffness over joint inertia while holding: square of the natural frequency of the loop, which is "
-        "critically damped",
-        unit="1/s2",
-        ge=0.0,
     )
 
 
@@ -114,7 +105,6 @@ class BridgeParams(ArmParams):
         0, "simulation steps per control period; 0 chooses what the friction law needs", ge=0, le=64
     )
     drive: DriveParams = DriveParams()
-    hold: HoldParams = HoldParams()
     grip: GripParams = GripParams()
     pad: PadParams = PadParams()
     push: PushParams = PushParams()

@@ -15,7 +15,7 @@ from slip_core.records import record
 from slip_core.types import JointSample, ObjectTruth, SlipSample, WrenchSample
 from slip_sim_bridge.drives.drive import Drives
 from slip_sim_bridge.gripper import Gripper
-from slip_sim_bridge.params import WORLD, BridgeParams
+from slip_sim_bridge.params import HOLD_STIFFNESS, WORLD, BridgeParams
 from slip_sim_bridge.plant import DivergenceError, Movable, Plant, read_out
 from slip_sim_bridge.plant.joint_step import JOINT_DRIVE_SIZE
 from slip_sim_bridge.plant.loose import LoosePlant
@@ -290,8 +290,8 @@ class Simulation:
         """Return the effort that holds the arm where it was when this began; (n,) [N m]."""
         if arm.posture is None:
             arm.posture = self._posture(index)
-        stiffness = arm.params.hold.stiffness
-        applied = arm.limited(self.plant.holding_effort(index, arm.posture, stiffness, 2.0 * math.sqrt(stiffness)))
+        damping = 2.0 * math.sqrt(HOLD_STIFFNESS)
+        applied = arm.limited(self.plant.holding_effort(index, arm.posture, HOLD_STIFFNESS, damping))
         if applied is None:
             self._diverged = True
             raise DivergenceError("simulation diverged: no finite effort holds the arm; reset it")

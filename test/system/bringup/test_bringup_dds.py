@@ -50,7 +50,7 @@ def test_a_healthy_system_is_led_to_its_first_motion_and_an_error_is_found(
     meanwhile = system.listen(0.1, lambda: time.sleep(1.0)).joints.stamp
     assert meanwhile[-1] - meanwhile[0] > 0.12, "what comes while something is begun is heard too"
     system.tune({"sensors.slip.faults.bias": [0.02, 0.0, 0.0, 0.0, 0.0, 0.0]}, BRIDGE)
-    hand = Simulated(system, system.parameters(["hold.stiffness", "grip.force"], BRIDGE))
+    hand = Simulated(system, system.parameters(["grip.force"], BRIDGE)["grip.force"])
     last = list(Walk(system, hand).steps())[-1]
     assert last.step == "rest"
     assert "calibrate it" in last.fix

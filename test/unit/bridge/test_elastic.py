@@ -312,7 +312,7 @@ def test_a_push_acts_where_the_arm_grips() -> None:
 
 
 def test_several_arms_have_flags_displacements_and_grips_of_their_own() -> None:
-    arms = params(grip=9.0, slip_input="displacement", sensors={"slip": {"flag_speed": 1e-3}})
+    arms = params(grip=9.0, slip_input="displacement")
     arms["right"] = arms["right"].model_copy(update={"slip_input": "flag"})
     session = BridgeSession(arms, dict.fromkeys(arms, urdf_text()))
     session.change(pushed(arms, 15.0, 0.0, 0.0))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from slip_sim_bridge.params import BridgeParams
+from slip_sim_bridge.params import HOLD_STIFFNESS, BridgeParams
 from test.unit.bridge.scenes import scene
 
 FORCE = np.array([2.0, -1.0, 0.5])
@@ -40,11 +40,10 @@ def test_what_friction_cannot_hold_moves_with_the_push() -> None:
 def test_a_push_on_a_joint_moves_it_as_the_hold_allows() -> None:
     simulation = scene("paper_planar", grip__force=40.0)
     start = simulation.observe().joint.position
-    stiffness = simulation.params.hold.stiffness
     at_rest = simulation.holding_effort(start, 0.0, 0.0)
     target = start.copy()
     target[3] += TURN
-    simulation.push(STILL, simulation.holding_effort(target, stiffness, 0.0) - at_rest)
+    simulation.push(STILL, simulation.holding_effort(target, HOLD_STIFFNESS, 0.0) - at_rest)
     for _ in range(SETTLED):
         simulation.step(None)
     moved = simulation.observe().joint.position - start

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from slip_core.params import build
 from slip_core.types import DisplacementSample, JointSample, ObjectTruth, SlipSample, WrenchSample
 from slip_sim_bridge.params import BridgeParams
-from slip_sim_bridge.sensors.slip import pose_of
+from slip_sim_bridge.sensors.slip import FLAG_SPEED, pose_of
 from slip_sim_bridge.sensors.suite import SensorSuite
 
 MS = 1_000_000
@@ -108,16 +108,17 @@ def test_a_flag_rises_where_the_pad_slides_faster_than_its_speed_turning_at_the_
         ((0.03, 0.0, 0.04, 0.0, 0.0, 0.0), 0.05), ((0.0, 0.0, 0.0, 2.0, 0.0, 0.0), 0.03),
         ((0.012, 0.0, 0.0, 0.0, 0.0, -0.6), 0.015),
     ):  # fmt: skip
-        for flag_speed, up in ((0.99 * speed, 1.0), (1.01 * speed, 0.0)):
-            sample = flagged(np.array(twist), flag_speed=flag_speed)
+        for share, up in ((1.01, 1.0), (0.99, 0.0)):
+            sample = flagged(np.array(twist) * share * FLAG_SPEED / speed)
             assert sample.valid
             assert sample.twist.tolist() == [up] * 6, "it says nothing of the direction"
 
 
 def test_a_flag_is_that_of_what_the_sensor_reads_faults_included() -> None:
-    assert not flagged(MOVING, flag_speed=1e-3, faults__invalid=True).valid
-    assert flagged(MOVING, flag_speed=0.035).twist.all()
-    assert not flagged(MOVING, flag_speed=0.035, faults__gain=0.9).twist.any()
+    slow = np.array([1.05 * FLAG_SPEED, 0.0, 0.0, 0.0, 0.0, 0.0])
+    assert not flagged(slow, faults__invalid=True).valid
+    assert flagged(slow).twist.all()
+    assert not flagged(slow, faults__gain=0.9).twist.any()
 
 
 def places(turn: tuple[float, ...], count: int, **values: Any) -> list[DisplacementSample]:

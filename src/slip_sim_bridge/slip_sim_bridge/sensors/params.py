@@ -25,9 +25,6 @@ class SlipSensorParams(SlipSensorModel):
     """Slip velocity sensor, simulated."""
 
     saturation_linear: float = parameter(10.0, "largest linear reading of each axis", unit="m/s", gt=0.0)
-    flag_speed: float = parameter(
-        1e-3, "slip_input flag: slip speed above which the sensor reports slip", unit="m/s", ge=0.0
-    )
     noise_position: float = parameter(
         0.0, "slip_input displacement: standard deviation of each linear axis that can slip", unit="m", ge=0.0
     )

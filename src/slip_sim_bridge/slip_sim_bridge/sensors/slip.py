@@ -16,6 +16,8 @@ from slip_sim_bridge.sensors.params import SlipSensorParams
 
 _INVALID, _INVALID_POSE = (readonly(np.full(size, math.nan)) for size in (6, 7))
 _STILL = readonly(np.zeros(3))
+FLAG_SPEED = 1e-3
+"""|(v, rho w)| at which a flag rises [m/s]."""
 OUTLIER = readonly(np.array((0.2, 0.2, 0.2, 5.0, 5.0, 5.0)))
 """Standard deviation of an outlier [m/s, rad/s]."""
 
@@ -97,16 +99,15 @@ def dead_band(twist: Array, linear: float, angular: float) -> Array:
 
 
 class FlagMeasurement:
-    """Says whether it slips: whether what a slip sensor reads, faults included, is faster than `flag_speed`.
+    """Says whether it slips: whether what a slip sensor reads, faults included, is faster than `FLAG_SPEED`.
 
     Args:
         reading: the sensor.
-        flag_speed: |(v, rho w)| at which the flag rises [m/s].
         radius: rho [m].
     """
 
-    def __init__(self, reading: SlipMeasurement, flag_speed: float, radius: float) -> None:
-        self._reading, self._least, self._radius = reading, flag_speed, radius
+    def __init__(self, reading: SlipMeasurement, radius: float) -> None:
+        self._reading, self._radius = reading, radius
 
     def __call__(self, truth: SlipSample, rng: Generator) -> SlipSample | None:
         """Return all ones or zeros, or None where the sample is lost."""
@@ -114,7 +115,7 @@ class FlagMeasurement:
         if read is None or not read.valid:
             return read
         v = read.twist
-        up = math.hypot(*v[:3].tolist(), *(self._radius * v[3:]).tolist()) > self._least
+        up = math.hypot(*v[:3].tolist(), *(self._radius * v[3:]).tolist()) > FLAG_SPEED
         return SlipSample(truth.stamp_ns, np.full(6, float(up)))
 
 

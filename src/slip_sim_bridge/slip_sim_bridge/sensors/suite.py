@@ -155,7 +155,7 @@ class SensorSuite:
         measure: Any = SlipMeasurement(slip, axes, stream("slip faults"))
         self._measure_slip: SlipMeasurement = measure
         if params.slip_input == "flag":
-            measure = FlagMeasurement(measure, slip.flag_speed, params.friction.torsional_radius)
+            measure = FlagMeasurement(measure, params.friction.torsional_radius)
         elif params.slip_input == "displacement":
             measure, self.slip_truth = DisplacementMeasurement(measure), attrgetter("truth")
         self.slip: Sensor[SlipSample | DisplacementSample]

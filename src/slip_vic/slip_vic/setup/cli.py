@@ -107,7 +107,7 @@ def bringup(namespace: str, domain_id: int | None, simulated: bool, out: Path) -
         system = RosSystem(node, namespace)
         hands: Hands = Person(system, system.params.joint_names)
         if simulated:
-            hands = Simulated(system, system.parameters(["hold.stiffness", "grip.force"], BRIDGE))
+            hands = Simulated(system, system.parameters(["grip.force"], BRIDGE)["grip.force"])
         walk = Walk(system, hands)
         for verdict in walk.steps():
             click.echo(str(verdict), err=not verdict.holds)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import click
 
 from slip_core.arrays import Array
+from slip_sim_bridge.params import HOLD_STIFFNESS
 from slip_vic.setup.bringup.heard import BRIDGE, Heard
 
 if TYPE_CHECKING:
@@ -73,12 +74,11 @@ class Simulated:
 
     Args:
         system: with a simulated arm.
-        parameters: of the simulated arm: `hold.stiffness` and `grip.force`, the force of use [N].
+        grip: its `grip.force`, the force of use [N].
     """
 
-    def __init__(self, system: RosSystem, parameters: Mapping[str, Any]) -> None:
-        self._system, self._stiffness = system, parameters["hold.stiffness"]
-        self._grip = parameters["grip.force"]
+    def __init__(self, system: RosSystem, grip: float) -> None:
+        self._system, self._grip = system, grip
         self._friction = system.params.governor.friction_limit / system.params.grip.nominal_force
 
     def ready(self, words: str) -> None:
@@ -88,7 +88,7 @@ class Simulated:
         """Push all joints such that one moves alone; None: drives with their own loop hold against it."""
         if self._system.params.command.interface != "effort":
             return None
-        return self._leaning("push.effort", (self._stiffness * TURN * inertia[:, joint]).tolist())
+        return self._leaning("push.effort", (HOLD_STIFFNESS * TURN * inertia[:, joint]).tolist())
 
     def push(self, words: str, direction: Array) -> Heard:
         """Push with `PUSH_N`."""
