@@ -95,13 +95,6 @@ def test_joint_states_get_columns_by_joint(tmp_path, count):
     assert not [name for name in table if name.startswith("effort")]
 
 
-def test_fields_of_varying_length_are_arrays(tmp_path):
-    content = make_bag(tmp_path / "bag", count=30, topics={"/d": "std_msgs/msg/Float64MultiArray"})
-    with Bag(tmp_path / "bag") as bag:
-        table = dataframe(bag, "/d")
-    assert [cell.tolist() for cell in table["data"]] == [row[3].data.tolist() for row in content["/d"]]
-
-
 def test_record_without_topics_is_refused():
     with pytest.raises(InputError, match="topic names or --all"):
         CliRunner().invoke(bag_command, ["record"], catch_exceptions=False)
