@@ -10,16 +10,17 @@ effort limiter is behind it.
 from __future__ import annotations
 
 import importlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any, ClassVar, Final
 
 import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.errors import InputError
-from slip_vic.experiments.driven import Driven
+from slip_vic.experiments.driven import driven
 from slip_vic.experiments.law import Pad, Seen, Setup
 from slip_vic.run.in_process import Tick
+from slip_vic.run.judge import LawError
 from slip_vic.scenarios.scenario import load_scenario
 
 gymnasium: Any = importlib.import_module("gymnasium")  # it is optional, so that mypy need not find it
@@ -80,8 +81,7 @@ class Carry(gymnasium.Env):
         if scenario.several:
             raise InputError("Carry-v0: scenario", got=self._name, expected="a scenario with one arm")
         self._hand = _Hand()
-        self._driven = Driven(scenario, self._hand)
-        self._ticks: Iterator[Tick] = self._driven.ticks()
+        self._ticks = driven(scenario, self._hand)
         tick = next(self._ticks)
         return self._observed(), self._info(tick)
 
@@ -94,7 +94,10 @@ class Carry(gymnasium.Env):
         for _ in range(TICKS):
             path = hand.setup.reference(hand.seen.time + hand.setup.period_s)
             hand.answer = Pad(path.acceleration + change, grip)
-            tick = next(self._ticks, None)
+            try:
+                tick = next(self._ticks, None)
+            except LawError:  # an action without a finite effort
+                return self._observed(), reward, True, False, self._last
             if tick is None:
                 break
             self._info(tick)
@@ -104,8 +107,7 @@ class Carry(gymnasium.Env):
             )  # fmt: skip
             if any(one.kind in ("lost", "fault") for one in tick.incidents):
                 return self._observed(), reward, True, False, self._last
-        failed = bool(self._driven.failure)
-        return self._observed(), reward, failed, tick is None and not failed, self._last
+        return self._observed(), reward, False, tick is None, self._last
 
     def _observed(self) -> Array:
         seen, setup = self._hand.seen, self._hand.setup

@@ -1,6 +1,5 @@
 """The baselines against closed forms, an independent solver, and the wrench of the simulation."""
 
-from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,7 +11,7 @@ import slip_vic
 from slip_vic.experiments.baselines import proactive_slip_control as proactive
 from slip_vic.experiments.baselines import schools, toppra_offline
 from slip_vic.experiments.baselines.grip_laws import FixedGrip, GraspCbf, SlipAwareHold, SunSlippingControl
-from slip_vic.experiments.driven import Driven
+from slip_vic.experiments.driven import driven
 from slip_vic.experiments.law import KNOWN, Setup, find_law
 
 BASELINES = [name for name in KNOWN if "baselines" in KNOWN[name]]
@@ -32,7 +31,7 @@ class Holding:
 
 def held(name: str, *settings: str, ticks: int = 1) -> Holding:
     law = Holding()
-    assert list(Driven(slip_vic.load(name, set=[f"bridge.duration_s={1e-3 * ticks}", *settings]), law).ticks())
+    assert list(driven(slip_vic.load(name, set=[f"bridge.duration_s={1e-3 * ticks}", *settings]), law))
     return law
 
 
@@ -57,10 +56,8 @@ def test_every_baseline_is_found_and_runs() -> None:
     for name in BASELINES:
         if name == "toppra_offline":
             pytest.importorskip("toppra", reason="the extra `benchmark`")
-        run = Driven(
-            slip_vic.load("paper_planar", law="classical", set=["bridge.duration_s=0.02"]), find_law(name).kind()
-        )
-        assert len(list(run.ticks())) == 20, run.failure
+        loaded = slip_vic.load("paper_planar", law="classical", set=["bridge.duration_s=0.02"])
+        assert len(list(driven(loaded, find_law(name).kind()))) == 20
 
 
 def test_the_planned_load_is_what_the_simulation_measures_at_rest() -> None:
@@ -72,7 +69,7 @@ def test_the_planned_load_is_what_the_simulation_measures_at_rest() -> None:
 
 def test_the_load_of_an_acceleration_is_the_difference_of_two_planned_loads(setup: Setup) -> None:
     at, a = setup.reference(0.7), np.array([0.3, -0.8, 0.2])
-    more = replace(at, acceleration=at.acceleration + np.concatenate((a, np.zeros(3))))
+    more = at._replace(acceleration=at.acceleration + np.concatenate((a, np.zeros(3))))
     difference = schools.planned_load(setup, more) - schools.planned_load(setup, at)
     np.testing.assert_allclose(schools.load_of_acceleration(setup, at.rotation) @ a, difference, atol=1e-12)
 

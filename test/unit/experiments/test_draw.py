@@ -6,6 +6,7 @@ import pytest
 
 from slip_vic.experiments.draw import BANDWIDTH, KINDS, SPREAD, carries_weight, draw, drawn_worlds
 from slip_vic.experiments.run import run
+from slip_vic.experiments.runner import under_laws
 from slip_vic.experiments.world import World
 from slip_vic.scenarios.scenario import load_scenario
 
@@ -67,5 +68,7 @@ def test_two_arms_have_troubles_of_their_own() -> None:
 
 def test_worlds_of_two_arms_run() -> None:
     (world,) = drawn_worlds(1, 0, PAIR, "ideal")
-    world = replace(world, settings=(*world.settings, "bridge.duration_s=0.03"))
-    assert {run(world, law).outcome for law in ("classical", "vic", "printed")} <= {"ok", "held"}, "none is refused"
+    worlds = under_laws(
+        [replace(world, settings=(*world.settings, "bridge.duration_s=0.03"))], ("classical", "vic", "printed")
+    )
+    assert {run(world)["outcome"] for world in worlds} <= {"ok", "held"}, "none is refused"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 
-from slip_vic.experiments.run import Controlled, Row, play, row_of
+from slip_vic.experiments.run import Row, play, row_of
 from slip_vic.experiments.world import NO_MISMATCH, World, mismatch_assignments
 from slip_vic.options import Choice
 from slip_vic.scenarios.scenario import Scenario, load_scenario
@@ -36,7 +36,7 @@ def run_worlds(choice: Choice, mismatches: Sequence[str], report: Callable[[str]
         report(name)
         world = World(choice["scenario"], choice["sensor"], number=number, mismatch=name, law=choice["law"])
         wrong = load_scenario(**choice | {"assignments": (*choice["assignments"], *own)})
-        row = row_of(world, *play(Controlled(wrong)))
+        row = row_of(world, *play(wrong.ticks(), wrong))
         yield row
         if row["outcome"] == "refused":
             return

@@ -18,8 +18,9 @@ from slip_core.params import build, flatten
 from slip_core.records import Records, new, record, records
 from slip_core.types import JointCommand, SlipSample
 from slip_core.vectors import spatial
-from slip_vic.experiments.law import Answer, Effort, Law, Pad, Reference, Seen, Setup
+from slip_vic.experiments.law import Answer, Effort, Law, Pad, Seen, Setup
 from slip_vic.run.in_process import Tick, run_in_process
+from slip_vic.run.judge import LawError
 from slip_vic.scenarios.scenario import Scenario
 from slip_vic_controller.arm.command import (
     MOTION_COMMAND,
@@ -29,10 +30,10 @@ from slip_vic_controller.arm.command import (
     joint_acceleration,
     start_motion,
 )
-from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.law.contact import CONTACT_SAMPLE, ContactSample
 from slip_vic_controller.law.torque import TORQUE, Torque, joint_torque
 from slip_vic_controller.params.node_params import ControllerNodeParams
+from slip_vic_controller.path.joint_path import PadMotion
 from slip_vic_controller.path.paths import reference_at
 from slip_vic_controller.safety.effort_limiter import (
     LIMITER,
@@ -41,6 +42,7 @@ from slip_vic_controller.safety.effort_limiter import (
     needs_restart,
     start_limiter,
 )
+from slip_vic_controller.session.controller import ArmController
 from slip_vic_controller.session.cycle_result import CycleResult
 from slip_vic_controller.state import CONFIG, ControllerConfig
 
@@ -54,10 +56,6 @@ WATCH: Final[dict[str, Any]] = {
 
 With drives that take velocities it would estimate the joints from commands of its own, which do not leave.
 """
-
-
-class LawError(Exception):
-    """What a law did that a law must not do, in one line."""
 
 
 def numbers(what: str, given: object, size: int) -> Array:
@@ -77,125 +75,100 @@ def numbers(what: str, given: object, size: int) -> Array:
     return found
 
 
-class Driven:
-    """A run of a scenario under a law.
+def watched(scenario: Scenario) -> Scenario:
+    """Return a scenario with the controllers that watch its arms."""
+    watching = {
+        name: build(ControllerNodeParams, flatten(params) | WATCH, f"controller {name}".strip())
+        for name, params in scenario.controllers.items()
+    }
+    return dataclasses.replace(scenario, controllers=watching)
 
-        driven = Driven(scenario, MyLaw())
-        run = judge(driven.ticks(), driven.scenario)
+
+def driven(scenario: Scenario, law: Law, most_grip: float | None = None) -> Iterator[Tick]:
+    """Run a scenario under a law to its end, and yield every tick with the law's command in it.
+
+        run = judge(driven(scenario, MyLaw()), watched(scenario))
 
     Args:
         scenario: its controllers' parameters are those that the law may read.
         law: made for this run.
         most_grip: largest squeeze that is let through [N]; None: what the gripper can.
 
-    Attributes:
-        scenario: the same with the controller that watches.
-        failure: what the law did wrong, in one line; it ends the run.
-        grips: squeeze that was commanded at each tick, the largest arm's [N].
+    Raises:
+        LawError: what the law did wrong.
     """
-
-    def __init__(self, scenario: Scenario, law: Law, most_grip: float | None = None) -> None:
-        self._known, self._law = scenario, law
-        watching = {
-            name: build(ControllerNodeParams, flatten(params) | WATCH, f"controller {name}".strip())
-            for name, params in scenario.controllers.items()
-        }
-        self.scenario = dataclasses.replace(scenario, controllers=watching)
-        limits = [params.grip.force_limit for params in scenario.controllers.values()]
-        self._most_grip = min(limits) if most_grip is None else most_grip
-        self._arms = [_Arm(scenario, name) for name in scenario.controllers]
-        self.failure = ""
-        self.grips: list[float] = []
-
-    def ticks(self) -> Iterator[Tick]:
-        """Run and yield every tick with the law's command in it, until the end or until the law fails."""
-        begun = False
-        for tick in run_in_process(self.scenario):
-            try:
-                seen = self._seen(tick)
-                if not begun:
-                    self._guarded("reset", self._setup(tick))
-                    begun = True
-                for arm, answer in enumerate(self._answers(self._guarded("step", seen))):
-                    self._apply(tick, arm, answer)
-            except LawError as error:
-                self.failure = f"{tick.time_s:.3f} s: {error}"
-                return
-            self.grips.append(max(arm.squeeze for arm in self._arms))
-            yield tick
-
-    def _guarded(self, method: str, argument: object) -> object:
-        """Call the law; whatever it raises is a `LawError`."""
+    if most_grip is None:
+        most_grip = min(params.grip.force_limit for params in scenario.controllers.values())
+    arms, begun = [_Arm(scenario, name) for name in scenario.controllers], False
+    for tick in run_in_process(watched(scenario)):
         try:
-            return getattr(self._law, method)(argument)
-        except (Exception, SystemExit) as error:  # a law is someone else's
-            raise LawError(f"{method} raises {type(error).__name__}: {' '.join(str(error).split())}") from error
+            first, *others = [arm.see(tick, k, law.needs) for k, arm in enumerate(arms)]
+            if not begun:
+                _guarded(law, "reset", _setup(scenario, arms[0].config, most_grip, tick))
+                begun = True
+            given = _guarded(law, "step", dataclasses.replace(first, others=tuple(others)) if others else first)
+            answers = given if isinstance(given, tuple) else (given,)
+            if len(answers) != len(arms):
+                raise LawError(f"step returns {len(answers)} answers; expected {len(arms)}")
+            for k, (arm, answer) in enumerate(zip(arms, answers, strict=True)):
+                if not isinstance(answer, Pad | Effort | None):
+                    raise LawError(f"step returns {type(answer).__name__}; expected Pad, Effort or None")
+                tick.grips[k] = arm.squeeze(answer, most_grip)
+                tick.commands[k] = arm.command(answer, tick, k)
+        except LawError as error:
+            raise LawError(f"{tick.time_s:.3f} s: {error}") from error
+        yield tick
 
-    def _answers(self, given: object) -> tuple[object, ...]:
-        answers = given if isinstance(given, tuple) else (given,)
-        if len(answers) != len(self._arms):
-            raise LawError(f"step returns {len(answers)} answers; expected {len(self._arms)}")
-        return answers
 
-    def _apply(self, tick: Tick, k: int, answer: object) -> None:
-        """Put an answer into a tick, through the limits of the drives."""
-        arm, tick.grips[k] = self._arms[k], None
-        if answer is not None:
-            if not isinstance(answer, Pad | Effort):
-                raise LawError(f"step returns {type(answer).__name__}; expected Pad, Effort or None")
-            if answer.grip is not None:
-                (grip,) = numbers("grip", [answer.grip], 1)
-                if grip < 0.0:
-                    raise LawError(f"grip is {grip:g} N; expected 0 or more")
-                arm.grip = tick.grips[k] = arm.squeeze = min(float(grip), self._most_grip)
-        tick.commands[k] = arm.command(answer, tick, k)
+def _guarded(law: Law, method: str, argument: object) -> object:
+    """Call a law; whatever it raises is a `LawError`."""
+    try:
+        return getattr(law, method)(argument)
+    except (Exception, SystemExit) as error:  # a law is someone else's
+        raise LawError(f"{method} raises {type(error).__name__}: {' '.join(str(error).split())}") from error
 
-    def _seen(self, tick: Tick) -> Seen:
-        first, *others = [arm.see(tick, k, self._law.needs) for k, arm in enumerate(self._arms)]
-        return dataclasses.replace(first, others=tuple(others)) if others else first
 
-    def _setup(self, tick: Tick) -> Setup:
-        params, arm = next(iter(self._known.controllers.values())), self._arms[0]
-        start = tick.result.arm
-        position, rotation = np.array(start.position), np.array(start.rotation)
-        path, start_s = arm.config.path, params.trajectory.start_s
-        ends = path.knot[int(path.segments)] if path.segments else path.duration
+def _setup(scenario: Scenario, config: ControllerConfig, most_grip: float, tick: Tick) -> Setup:
+    """Return what the law is told at the first tick; config: of the first arm."""
+    params, start = next(iter(scenario.controllers.values())), tick.result.arm
+    position, rotation = np.array(start.position), np.array(start.rotation)
+    path, start_s = config.path, params.trajectory.start_s
+    ends = path.knot[int(path.segments)] if path.segments else path.duration
 
-        def reference(at: float) -> Reference:
-            point = reference_at(path, float(at) - start_s, position, rotation)
-            x, R, twist, acceleration = (np.array(part, dtype=float) for part in point)
-            return Reference(x, R, twist.reshape(6), acceleration.reshape(6))
+    def reference(at: float) -> PadMotion:
+        point = reference_at(path, float(at) - start_s, position, rotation)
+        x, R, twist, acceleration = (np.array(part, dtype=float) for part in point)
+        return PadMotion(x, R, twist.reshape(6), acceleration.reshape(6))
 
-        reference(0.0)  # compiled here where it is the first one on a machine: no step of the law waits for it
+    reference(0.0)  # compiled here where it is the first one on a machine: no step of the law waits for it
 
-        return Setup(
-            reference=reference,
-            duration_s=float(ends) + start_s,
-            period_s=params.control_period_s,
-            friction_limit=params.governor.friction_limit,
-            torsional_radius=params.governor.torsional_radius,
-            grip=params.grip.nominal_force,
-            most_grip=self._most_grip,
-            mass=params.object.mass,
-            inertia=np.array(params.object.inertia),
-            gravity=np.array(params.gravity),
-            grasp_position=np.array(params.contacts.position[:3]),
-            grasp_rotation=matrix_from_quat_xyzw(np.array(params.contacts.orientation_xyzw[:4])),
-            parameters=self._known.controllers,
-            urdfs=self._known.placed,
-        )
+    return Setup(
+        reference=reference,
+        duration_s=float(ends) + start_s,
+        period_s=params.control_period_s,
+        friction_limit=params.governor.friction_limit,
+        torsional_radius=params.governor.torsional_radius,
+        grip=params.grip.nominal_force,
+        most_grip=most_grip,
+        mass=params.object.mass,
+        inertia=np.array(params.object.inertia),
+        gravity=np.array(params.gravity),
+        grasp_position=np.array(params.contacts.position[:3]),
+        grasp_rotation=matrix_from_quat_xyzw(np.array(params.contacts.orientation_xyzw[:4])),
+        parameters=scenario.controllers,
+        urdfs=scenario.placed,
+    )
 
 
 class _Arm:
     """What is remembered of one arm between ticks."""
 
     def __init__(self, scenario: Scenario, name: str) -> None:
-        from slip_vic_controller.config import make_config
-
         params = scenario.controllers[name]
-        robot = Robot(scenario.placed[name], params.ee_frame, params.joint_names, params.gravity)
         self.joints = len(params.joint_names)
-        self.config: ControllerConfig = record(np.array(make_config(params, robot, lockstep=True)), CONFIG)
+        self.config: ControllerConfig = record(
+            ArmController(params, scenario.placed[name], lockstep=True).config, CONFIG
+        )
         self.limiter: EffortLimiter = record(new(LIMITER), LIMITER)
         self._motion: MotionCommand = record(new(MOTION_COMMAND), MOTION_COMMAND)
         self._torque: Torque = record(new(TORQUE), TORQUE)
@@ -204,10 +177,8 @@ class _Arm:
         self._slip, self._wrench, self._start_ns = np.zeros(6), np.zeros(6), -1
         self._period_s = params.control_period_s
         self._command = partial(JointCommand, interface=params.command.interface)
-        self.grip = params.grip.nominal_force
+        self._grip = params.grip.nominal_force
         """Squeeze as configured, then as commanded [N]."""
-        self.squeeze = scenario.bridges[name].grip.force
-        """Squeeze of the simulated gripper at first, then as commanded [N]."""
 
     def see(self, tick: Tick, k: int, needs: frozenset[str]) -> Seen:
         """Return what a law sees of a tick."""
@@ -234,12 +205,26 @@ class _Arm:
             bias=np.array(terms.bias[:n]),
             wrench=self._wrench.copy() if "wrench" in needs else np.zeros(6),
             slip=self._slip.copy(),
-            grip=self.grip,
+            grip=self._grip,
             stamp_ns=now_ns,
             joint=outputs.joint,
             wrenches=outputs.wrenches if "wrench" in needs else (),
             slips=slips if "slip" in needs else (),
         )
+
+    def squeeze(self, answer: Answer, most: float) -> float | None:
+        """Return the squeeze that an answer commands, at most so much [N]; None where it commands none.
+
+        Raises:
+            LawError: a squeeze that is none.
+        """
+        if answer is None or answer.grip is None:
+            return None
+        (grip,) = numbers("grip", [answer.grip], 1)
+        if grip < 0.0:
+            raise LawError(f"grip is {grip:g} N; expected 0 or more")
+        self._grip = min(float(grip), most)
+        return self._grip
 
     def command(self, answer: Answer, tick: Tick, k: int) -> JointCommand:
         """Return what the drives get of an answer, inside their limits; nothing where there is none.

@@ -19,6 +19,7 @@ from slip_core.arrays import Array
 from slip_core.errors import InputError, UnknownName
 from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_vic_controller.params.node_params import ControllerNodeParams
+from slip_vic_controller.path.joint_path import PadMotion
 
 NEEDS: Final = ("wrench", "slip", "grip")
 """What a law may need beside the arm itself."""
@@ -40,16 +41,6 @@ KNOWN: Final = {
 """Laws that have a short name."""
 
 
-@dataclass(frozen=True, slots=True)
-class Reference:
-    """Desired motion of the pad, {w}: position (3,) [m], rotation (3, 3), twist and acceleration (6,), linear first."""
-
-    position: Array
-    rotation: Array
-    twist: Array
-    acceleration: Array
-
-
 @dataclass(frozen=True)
 class Setup:
     """What is configured before a run; nothing in it comes from the simulated world.
@@ -62,7 +53,7 @@ class Setup:
     parameters, urdfs: everything that a controller of this suite is configured with, for each arm by its name.
     """
 
-    reference: Callable[[float], Reference]
+    reference: Callable[[float], PadMotion]
     duration_s: float
     period_s: float
     friction_limit: float
@@ -107,7 +98,7 @@ class Seen:
     slips: tuple[SlipSample, ...]
     others: tuple[Seen, ...] = field(default=())
 
-    def way_to(self, wanted: Reference) -> Array:
+    def way_to(self, wanted: PadMotion) -> Array:
         """Return how far the pad is from a reference; (6,) [m, rad] {w}, small turns."""
         turn = 0.5 * np.cross(self.rotation, wanted.rotation, axis=0).sum(axis=1)
         return np.concatenate((wanted.position - self.position, turn))

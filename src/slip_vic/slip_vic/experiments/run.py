@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Final
 
 import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.errors import SlipVicError
-from slip_vic.experiments.driven import Driven
+from slip_vic.experiments.driven import driven, watched
 from slip_vic.experiments.law import find_law
 from slip_vic.experiments.world import KEY, OWN_LAWS, World
-from slip_vic.run.in_process import Tick, run_in_process
+from slip_vic.run.in_process import Tick
 from slip_vic.run.judge import judge
 from slip_vic.run.metrics import off_goal_m
-from slip_vic.run.run import Run
 from slip_vic.scenarios.scenario import Scenario
 
 OF_SUMMARY: Final = (
@@ -44,8 +42,8 @@ def row_of(world: World, outcome: str, reason: str, metrics: Mapping[str, float]
 
     Args:
         world: which.
-        outcome: as in `slip_vic.run.run.Outcome`; failed: a foreign law did what a law must not do; stays: the pad
-            did not leave the start, which of a closed path is its goal too.
+        outcome: as in `slip_vic.run.run.Outcome`; stays: the pad did not leave the start, which of a closed path is
+            its goal too.
         reason: of the outcome.
         metrics: by their names; one that is missing is NaN.
     """
@@ -60,7 +58,7 @@ def run(world: World) -> Row:
     """
     own = not world.track and world.law.partition("?")[0] in OWN_LAWS
     try:
-        outcome, reason, metrics = play(Controlled(world.load(world.law)) if own else _foreign(world))
+        outcome, reason, metrics = play(*_begun(world, own))
     except SlipVicError as error:
         return row_of(world, "refused", str(error), {})
     except (Exception, SystemExit) as error:  # the rows of other worlds must come whatever one does
@@ -71,56 +69,49 @@ def run(world: World) -> Row:
     return row_of(world, outcome, reason, metrics)
 
 
-@dataclass
-class Controlled:
-    """A run of a scenario under its controller, with the attributes of `Driven`."""
+def play(ticks: Iterable[Tick], scenario: Scenario) -> tuple[str, str, dict[str, float]]:
+    """Run to the end; return outcome, reason and the numbers that the run has."""
+    squeezes: list[float] = []
 
-    scenario: Scenario
-    failure: str = ""
-    grips: list[float] = field(default_factory=list)
-
-    def ticks(self) -> Iterator[Tick]:
-        """Yield every tick."""
-        nominal = max(params.grip.nominal_force for params in self.scenario.controllers.values())
-        for tick in run_in_process(self.scenario):
-            self.grips.append(max(nominal if grip is None else grip for grip in tick.grips))
+    def noted() -> Iterator[Tick]:
+        now = [bridge.grip.force for bridge in scenario.bridges.values()]
+        for tick in ticks:
+            now = [before if grip is None else grip for before, grip in zip(now, tick.grips, strict=True)]
+            squeezes.append(max(now))
             yield tick
 
+    run = judge(noted(), scenario)
+    arms = run.data.arms
+    if not arms:
+        return run.outcome, run.reason, {}
+    found = {name: run.worst(name) for name in OF_SUMMARY}
+    slips = [arm.channel("slip_velocity") for arm in arms]
+    paths = [slip_path(slip.times, slip.rows) for slip in slips]
+    found["slip_path_m"], found["slip_path_rad"] = max(path[0] for path in paths), max(path[1] for path in paths)
+    found["squeeze_mean_n"], found["squeeze_peak_n"] = float(np.mean(squeezes)), float(max(squeezes))
+    if run.outcome in LOST:
+        del found["arrival_s"]
+    else:
+        pairs = zip(arms, scenario.controllers.values(), strict=True)
+        found["off_goal_m"] = max(off_goal_m(one, params) for one, params in pairs)
+    return run.outcome, run.reason, found
 
-def play(driven: Driven | Controlled) -> tuple[str, str, dict[str, float]]:
-    """Run to the end; return outcome, reason and numbers."""
-    run = judge(driven.ticks(), driven.scenario)
-    outcome, reason = ("failed", driven.failure) if driven.failure else (run.outcome, run.reason)
-    return outcome, reason, metrics_of(run, outcome, driven)
 
+def _begun(world: World, own: bool) -> tuple[Iterator[Tick], Scenario]:
+    """Return the ticks of a world under its law, and what is judged.
 
-def _foreign(world: World) -> Driven:
-    """Return a run under a foreign law; its squeeze is limited as the track says, with the scenario's at least."""
+    The squeeze of a foreign law is at most what the track says, and that of the scenario at least.
+    """
+    if own:
+        scenario = world.load(world.law)
+        return scenario.ticks(), scenario
     found = find_law(world.law)
     scenario = world.load(getattr(found.kind, "configured", "classical"), found.settings)
     grips = [params.grip for params in scenario.controllers.values()]
     most = max(grip.nominal_force for grip in grips)
     if world.track == "free":
         most = max(most, min(grip.force_limit for grip in grips))
-    return Driven(scenario, found.kind(), most if world.track else None)
-
-
-def metrics_of(run: Run, outcome: str, driven: Driven | Controlled) -> dict[str, float]:
-    """Return the numbers that a run has."""
-    arms = run.data.arms
-    if not arms:
-        return {}
-    found = {name: run.worst(name) for name in OF_SUMMARY}
-    slips = [arm.channel("slip_velocity") for arm in arms]
-    paths = [slip_path(slip.times, slip.rows) for slip in slips]
-    found["slip_path_m"], found["slip_path_rad"] = max(path[0] for path in paths), max(path[1] for path in paths)
-    found["squeeze_mean_n"], found["squeeze_peak_n"] = float(np.mean(driven.grips)), float(max(driven.grips))
-    if outcome in LOST:
-        del found["arrival_s"]
-    else:
-        pairs = zip(arms, run.scenario.controllers.values(), strict=True)
-        found["off_goal_m"] = max(off_goal_m(one, params) for one, params in pairs)
-    return found
+    return driven(scenario, found.kind(), most if world.track else None), watched(scenario)
 
 
 def slip_path(time: Array, velocity: Array) -> tuple[float, float]:

@@ -24,6 +24,10 @@ _MILD: Final = ("ok", "held")
 """Outcomes that a worse one replaces."""
 
 
+class LawError(Exception):
+    """What a law of one's own did that a law must not do, in one line."""
+
+
 def judge(ticks: Iterable[Tick], scenario: Scenario) -> Run:
     """Run to the end, or until there is nothing more to show.
 
@@ -53,6 +57,8 @@ def judge(ticks: Iterable[Tick], scenario: Scenario) -> Run:
                 break
     except DivergenceError as failure:
         outcome, reason = "lost", str(failure)
+    except LawError as failure:
+        outcome, reason = "failed", str(failure)
     if waits is not None and not begun and outcome == "ok":
         outcome, reason = "held", f"the law never began: {waits.reason}"
     return Run(scenario, outcome, reason, track.data())

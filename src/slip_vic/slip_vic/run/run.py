@@ -20,10 +20,11 @@ if TYPE_CHECKING:
 
     from slip_vic.scenarios.scenario import Scenario
 
-Outcome = Literal["ok", "lost", "fault", "refused", "saturated", "held", "crashed"]
+Outcome = Literal["ok", "lost", "fault", "refused", "saturated", "held", "crashed", "failed"]
 """lost: the object left a pad, the pad left its path, or the simulation has no numbers any more. fault: the controller
 gave up. refused: parameters that do not fit, or a path that cannot be followed. saturated: the arm has not the effort.
-held: the law never began, or the mode machine stopped it for a while. crashed: a process died."""
+held: the law never began, or the mode machine stopped it for a while. crashed: a process died. failed: a law of one's
+own did what a law must not do."""
 
 ENDS: Final = ("lost", "fault")
 """Outcomes after which a run has nothing more to show."""

@@ -169,24 +169,23 @@ class Scenario:
         Raises:
             InputError: parameters and URDF that do not fit; a `slip_vic.Law` that fails.
         """
-        from slip_vic.experiments.driven import Driven
+        from slip_vic.experiments.driven import driven, watched
         from slip_vic.experiments.law import Law as OwnLaw
         from slip_vic.run.judge import judge
 
         if isinstance(law, OwnLaw):
-            own = Driven(self, law)
-            run = judge(own.ticks(), own.scenario)
-            if own.failure:
-                raise InputError(f"law {type(law).__name__}", got=own.failure, expected="docs/your_law.md")
+            run = judge(driven(self, law), watched(self))
+            if run.outcome == "failed":
+                raise InputError(f"law {type(law).__name__}", got=run.reason, expected="docs/your_law.md")
             return run
 
-        def driven() -> Iterator[Tick]:
+        def commanded() -> Iterator[Tick]:
             for tick in self.ticks():
                 if law is not None:
                     tick.effort = law(tick)
                 yield tick
 
-        return judge(driven(), self)
+        return judge(commanded(), self)
 
     @property
     def arms(self) -> tuple[tuple[str, ControllerNodeParams], ...]:

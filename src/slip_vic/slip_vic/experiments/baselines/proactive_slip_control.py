@@ -8,7 +8,8 @@ import numpy as np
 
 from slip_core.arrays import Array
 from slip_vic.experiments.baselines.schools import MotionLaw, load_of_acceleration, planned_load
-from slip_vic.experiments.law import Reference, Seen, Setup
+from slip_vic.experiments.law import Seen, Setup
+from slip_vic_controller.path.joint_path import PadMotion
 
 SAMPLES: Final = 10
 RATE: Final = 60.0
@@ -45,7 +46,7 @@ class ProactiveSlipControl(MotionLaw):
         self._position, self._velocity = start.position.copy(), np.zeros(3)
         self._acceleration, self._next, self._last = np.zeros(3), 0.0, 0.0
 
-    def wanted(self, seen: Seen) -> Reference:
+    def wanted(self, seen: Seen) -> PadMotion:
         """Return the reference as it is changed."""
         dt, self._last = seen.time - self._last, seen.time
         self._position = self._position + dt * self._velocity + 0.5 * dt**2 * self._acceleration
@@ -55,7 +56,7 @@ class ProactiveSlipControl(MotionLaw):
             self._acceleration = (self.planned(seen.time) - self._velocity) * RATE
         path = self.setup.reference(seen.time)
         twist = np.concatenate((self._velocity, path.twist[3:]))
-        return Reference(
+        return PadMotion(
             self._position, path.rotation, twist, np.concatenate((self._acceleration, path.acceleration[3:]))
         )
 
@@ -79,9 +80,9 @@ def gaussian_bases() -> Array:
     return np.exp(-((t[:, None] - c) ** 2) / (2.0 * WIDTH))
 
 
-def still(point: Reference) -> Reference:
+def still(point: PadMotion) -> PadMotion:
     """Return a point with its attitude and spin, without a linear acceleration."""
-    return Reference(point.position, point.rotation, point.twist, point.acceleration * [0, 0, 0, 1, 1, 1])
+    return point._replace(acceleration=point.acceleration * [0, 0, 0, 1, 1, 1])
 
 
 def nearest(bases: Array, change: Array, A: Array, b: Array, limit: float) -> Array:

@@ -7,8 +7,10 @@ from typing import ClassVar, Final
 
 import numpy as np
 
-from slip_core.arrays import Array, inertia_from_six
-from slip_vic.experiments.law import Answer, Pad, Reference, Seen, Setup
+from slip_core.arrays import Array
+from slip_vic.experiments.law import Answer, Pad, Seen, Setup
+from slip_vic.retime.certificate import pad_wrench
+from slip_vic_controller.path.joint_path import PadMotion
 
 PLAN_POINTS: Final = 100
 """Points of the path at which a law that plans looks at the load (ours)."""
@@ -32,7 +34,7 @@ class MotionLaw(ABC):
         return Pad(wanted.acceleration + error + self._damping * (wanted.twist - seen.twist))
 
     @abstractmethod
-    def wanted(self, seen: Seen) -> Reference:
+    def wanted(self, seen: Seen) -> PadMotion:
         """Return the reference of this tick."""
 
 
@@ -44,35 +46,22 @@ def measured_load(setup: Setup, wrench: Array) -> Array:
     return np.array([wrench[0], wrench[1], wrench[5] / setup.torsional_radius])
 
 
-def planned_load(setup: Setup, at: Reference) -> Array:
-    """Return the load of an object that moves with the pad as (3,) [N], see `measured_load`; Newton and Euler."""
-    R = at.rotation
-    to_object = R @ setup.grasp_rotation.T
-    lever = lever_of_object(setup, R)
-    spin, turn = at.twist[3:], at.acceleration[3:]
-    own: Array = inertia_from_six(setup.inertia.tolist(), "inertia")
-    I = to_object @ own @ to_object.T  # noqa: E741
-    acceleration = at.acceleration[:3] + np.cross(turn, lever) + np.cross(spin, np.cross(spin, lever))
-    force = setup.mass * (acceleration - setup.gravity)
-    torque = np.cross(lever, force) + I @ turn + np.cross(spin, I @ spin)
-    return measured_load(setup, np.concatenate((R.T @ force, R.T @ torque)))
-
-
-def lever_of_object(setup: Setup, rotation: Array) -> Array:
-    """Return the object's centre of mass from the pad with this attitude (3, 3), as (3,) [m] {w}."""
-    lever: Array = -rotation @ setup.grasp_rotation.T @ setup.grasp_position
-    return lever
+def planned_load(setup: Setup, at: PadMotion) -> Array:
+    """Return the load of an object that moves with the pad as (3,) [N], see `measured_load`."""
+    wrench = pad_wrench(next(iter(setup.parameters.values())), at)
+    back = at.rotation.T
+    return measured_load(setup, np.concatenate((back @ wrench[:3], back @ wrench[3:])))
 
 
 def load_of_acceleration(setup: Setup, rotation: Array) -> Array:
     """Return what a linear acceleration of the pad adds to its load, as a matrix (3, 3) [N s2/m]."""
     x, y, z = rotation.T
-    lever = lever_of_object(setup, rotation)
+    lever = -rotation @ setup.grasp_rotation.T @ setup.grasp_position
     return setup.mass * np.array([x, y, np.cross(z, lever) / setup.torsional_radius])
 
 
-def timed(setup: Setup, at: float, rate: float, rate_rate: float) -> Reference:
+def timed(setup: Setup, at: float, rate: float, rate_rate: float) -> PadMotion:
     """Return the path at its own time [s], run through with this rate [1] and its change [1/s]."""
     point = setup.reference(at)
     acceleration = point.acceleration * rate**2 + point.twist * rate_rate
-    return Reference(point.position, point.rotation, point.twist * rate, acceleration)
+    return point._replace(twist=point.twist * rate, acceleration=acceleration)

@@ -11,7 +11,8 @@ from scipy.spatial import ConvexHull
 from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_vic.experiments.baselines.schools import PLAN_POINTS, MotionLaw, planned_load, timed
-from slip_vic.experiments.law import Reference, Seen, Setup
+from slip_vic.experiments.law import Seen, Setup
+from slip_vic_controller.path.joint_path import PadMotion
 
 FACETS = 200
 """Of the polytope inside of the limit surface."""
@@ -42,7 +43,7 @@ class ToppraOffline(MotionLaw):
         self._rates = np.sqrt(squares)
         self._times = np.concatenate(([0.0], np.cumsum(np.diff(path) / np.maximum(mean, 1e-9))))
 
-    def wanted(self, seen: Seen) -> Reference:
+    def wanted(self, seen: Seen) -> PadMotion:
         """Return where the timing is: between two points s'' is constant."""
         if seen.time >= self._times[-1]:
             return timed(self.setup, self._path[-1], 0.0, 0.0)
