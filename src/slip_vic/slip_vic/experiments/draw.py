@@ -12,12 +12,14 @@ from typing import Final
 
 import numpy as np
 
-from slip_core.arrays import Array
+from slip_core.arrays import Array, matrix_from_quat_xyzw
 from slip_sim_bridge.params import BridgeParams
 from slip_vic.experiments.world import World
 from slip_vic.presets import preset_names
+from slip_vic.retime.certificate import pad_wrench
 from slip_vic.scenarios import scenario_names
 from slip_vic.scenarios.scenario import Scenario, cut_or_extend, drive_assignments, load_scenario
+from slip_vic_controller.path.joint_path import PadMotion
 
 SPREAD: Final = 0.4
 """Largest relative error of mass and friction as configured."""
@@ -198,12 +200,8 @@ def carries_weight(bridge: BridgeParams) -> bool:
 
     The object's axes start along those of the world, as in all shipped scenarios.
     """
-    of = bridge.friction
-    x, y, z, w = bridge.contacts.orientation_xyzw[:4]
-    normal = np.array([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
-    weight = bridge.object.mass * np.array(bridge.gravity)
-    force = weight - normal * (normal @ weight)
-    torque = float(normal @ np.cross(-np.array(bridge.contacts.position[:3]), weight))
+    of, R = bridge.friction, matrix_from_quat_xyzw(bridge.contacts.orientation_xyzw[:4])
+    force, torque = np.split(pad_wrench(bridge, PadMotion(np.zeros(3), R, np.zeros(6), np.zeros(6))), 2)
+    load = math.hypot(*(R.T @ force)[:2], (R.T @ torque)[2] / of.torsional_radius)
     left = of.falls_to if of.falls_at_s > 0.0 else 1.0
-    limit = left * (of.mu_k if of.model == "coulomb" else of.mu_s) * bridge.grip.force
-    return math.hypot(length(force), torque / of.torsional_radius) < limit
+    return load < left * (of.mu_k if of.model == "coulomb" else of.mu_s) * bridge.grip.force

@@ -28,7 +28,6 @@ from slip_vic_controller.law.gains import gain_report
 
 EFFORT_RATE: Final = 1.2
 LATER_S: Final = 0.3
-BOUNDED: Final = ("effort_rate_rms_n_m_s", "arrival_s")
 """What less slip may cost against the default: a factor on the largest effort rate, and how much later the latest
 arrival is [s]."""
 DECADE: Final = 10.0
@@ -83,21 +82,16 @@ def cost(rows: Sequence[Row], defaults: Sequence[Row]) -> float:
 
     defaults: the rows of the same worlds with the default parameters.
     """
+    rate, arrival = "effort_rate_rms_n_m_s", "arrival_s"
     known = [row for row in defaults if row["outcome"] == "ok"]
-    rate, arrival = (max((_number(row, name) for row in known), default=math.inf) for name in BOUNDED)
-    good = [
-        row
-        for row in rows
-        if row["outcome"] == "ok"
-        and _number(row, BOUNDED[0]) <= EFFORT_RATE * rate
-        and _number(row, BOUNDED[1]) <= arrival + LATER_S
-    ]
+    most = {rate: EFFORT_RATE * _most(known, rate), arrival: _most(known, arrival) + LATER_S}
+    good = [row for row in rows if row["outcome"] == "ok" and all(_most([row], name) <= most[name] for name in most)]
     return worst_mm(good) + 1e3 * (len(rows) - len(good))
 
 
-def _number(row: Row, metric: str) -> float:
-    """Return a number of a row; infinite where it has none, as where it does not arrive."""
-    return math.inf if math.isnan(value := float(row[metric])) else value
+def _most(rows: Sequence[Row], metric: str) -> float:
+    """Return the largest number of some rows; infinite where one has none, as where it does not arrive."""
+    return max((math.inf if math.isnan(value := float(row[metric])) else value for row in rows), default=math.inf)
 
 
 def search(

@@ -13,6 +13,7 @@ import numpy as np
 from slip_core.arrays import Array, inertia_from_six, matrix_from_quat_xyzw
 from slip_core.errors import InputError
 from slip_core.records import new, record
+from slip_sim_bridge.params import BridgeParams
 from slip_vic.retime.path import GivenPath
 from slip_vic.retime.timing import Sample, retimed
 from slip_vic_controller.governor.layouts import GOVERNOR_CONFIG, GovernorConfig
@@ -46,7 +47,7 @@ def motion_of(samples: Sequence[Sample], period_s: float) -> Motion:
     return Motion(period_s * np.arange(len(x), dtype=np.float64), x, rate * v, rate**2 * a + change * v, moves)
 
 
-def pad_wrench(params: ControllerParams, pad: PadMotion) -> Array:
+def pad_wrench(params: ControllerParams | BridgeParams, pad: PadMotion) -> Array:
     """Return the wrench that the pad must put on the object, at the pad centre; (..., 6) [N, N m] {w}.
 
     pad: motion of the pad, one or many.
