@@ -35,10 +35,8 @@ def run(*, prefix: str, laws: str, jobs: int, part: slice, out: Path) -> None:
         if law not in OWN_LAWS:
             raise UnknownName("law", law, OWN_LAWS)
     with open_engine("pool", jobs) as workers:
-        done = fill(out, "frozen", under_laws(worlds_of(prefix)[part], names(laws)), workers)
-    for line in done.died:
-        click.echo(line, err=True)
-    click.echo(f"{done.there} of {len(done.rows)} runs were there already; {out}")
+        rows, there = fill(out, "frozen", under_laws(worlds_of(prefix)[part], names(laws)), workers)
+    click.echo(f"{there} of {len(rows)} runs were there already; {out}")
 
 
 @frozen.command()

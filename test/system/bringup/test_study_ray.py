@@ -128,7 +128,7 @@ def test_rows_of_the_benchmark_are_those_of_the_pool(cluster: Any, tmp_path: Pat
     engines: tuple[EngineName, ...] = ("pool", "ray")
     for one in engines:
         with open_engine(one, 1) as workers:
-            found.append(fill(tmp_path / one / FILE, one, under_laws(short, ("vic",)), workers).rows)
+            found.append(fill(tmp_path / one / FILE, one, under_laws(short, ("vic",)), workers)[0])
     pool, ray = found
     assert len(ray) == 3
     assert all(float(row["effort_rate_rms_n_m_s"]) > 0.0 for row in ray)

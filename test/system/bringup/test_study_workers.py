@@ -108,18 +108,19 @@ def test_what_a_task_raises_ends_the_run(pool: PoolEngine, tasks: ModuleType) ->
 
 @pytest.mark.parametrize("name", ["study", suite.SUITE])
 def test_a_run_that_kills_its_workers_is_a_row(
-    name: str, tasks: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    name: str, tasks: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Of a study and of the benchmark: the engine counts deaths by task, so worlds are hashable."""
     monkeypatch.setattr(runner, "run_on_worker", tasks.deadly_run)
     worlds = [replace(world, seed=k, set=name) for k, world in enumerate(suite.worlds("capped", 1, 4))]
     with PoolEngine(2) as workers:
-        done = runner.fill(tmp_path / FILE, name, under_laws(worlds, ("vic",)), workers)
-    found = {row["seed"]: row for row in done.rows}
+        rows, _ = runner.fill(tmp_path / FILE, name, under_laws(worlds, ("vic",)), workers)
+    found = {row["seed"]: row for row in rows}
     assert [found[str(seed)]["outcome"] for seed in range(4)] == ["ok", "crashed", "ok", "ok"]
     assert "its process died 3 times" in found["1"]["reason"]
-    assert len(done.died) == 3
-    assert all(f"{name} 2 vic {worlds[1].scenario}" in line and "SIGKILL" in line for line in done.died)
+    died = [line for line in capsys.readouterr().err.splitlines() if "a worker died" in line]
+    assert len(died) == 3
+    assert all(f"{name} 2 vic {worlds[1].scenario}" in line and "SIGKILL" in line for line in died)
 
 
 CLIENT = """

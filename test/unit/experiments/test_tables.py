@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import io
 import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 from slip_vic.experiments.run import COLUMNS, METRICS, Row
 from slip_vic.experiments.tables import lines_of, median, tables_of, write_picture
@@ -22,22 +20,17 @@ def row(sensor: str, law: str, outcome: str = "ok", slip_mm: float = 0.0, **more
     return dict.fromkeys(COLUMNS, "") | numbers | cells | {"outcome": outcome} | more
 
 
-def shown(rows: list[Row], width: int = 80) -> list[list[str]]:
-    with io.StringIO() as file:
-        Console(file=file, width=width).print(*tables_of(rows), sep="\n")
-        return [line.split() for line in file.getvalue().splitlines()]
-
-
 def test_tables_fit_into_80_columns_with_the_longest_names() -> None:
-    lines = shown([
+    (table,) = tables_of([
         row("force_tactile_500", "classical", slip_mm=5.26),
         row("force_tactile_500", "governed"),
         row("optical_flow_120", "governed", slip_mm=1.0),
         row("optical_flow_120", "governed", "fault", 123.4),
     ])  # fmt: skip
-    assert not any("…" in word for line in lines for word in line)
-    assert ["force_tactile_500", "classical", "1/1", "0", "5.26"] in [line[:5] for line in lines]
-    assert ["optical_flow_120", "governed", "1/2", "1", "inf"] in [line[:5] for line in lines]
+    assert max(map(len, table.splitlines())) <= 80
+    lines = [line.split()[:5] for line in table.splitlines()]
+    assert ["force_tactile_500", "classical", "1/1", "0", "5.26"] in lines
+    assert ["optical_flow_120", "governed", "1/2", "1", "inf"] in lines
 
 
 def test_drawn_worlds_compare_laws_with_classical_control() -> None:

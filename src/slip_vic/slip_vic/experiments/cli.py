@@ -31,7 +31,6 @@ from slip_vic.options import (
 
 if TYPE_CHECKING:
     from slip_vic.experiments.engines import EngineName
-    from slip_vic.experiments.runner import Done
 
 
 def shard(context: click.Context, parameter: click.Parameter, text: str) -> slice:
@@ -124,16 +123,7 @@ def study(
         )  # fmt: skip
         for world in {world.scenario: world for world in worlds}.values():
             world.load("classical").check()
-    done = run_study(under_laws(worlds[part], laws), out, engine, jobs)
-    _report(done, out)
-    end_with(bad_ones(done.rows))
-
-
-def _report(done: Done, out: Path) -> None:
-    """Name the workers that died, and say what is in a folder."""
-    for line in done.died:
-        click.echo(line, err=True)
-    click.echo(f"{done.there} of {len(done.rows)} runs were there already; {out}")
+    end_with(bad_ones(run_study(under_laws(worlds[part], laws), out, engine, jobs)))
 
 
 @click.command()
@@ -173,7 +163,7 @@ def check(*, choice: Choice, mismatches: tuple[str, ...]) -> None:
     if rows[0]["outcome"] == "refused":
         click.echo(f"refused: {rows[0]['reason']}", err=True)
         raise click.exceptions.Exit(2)
-    Console().print(*tables_of(rows), sep="\n")
+    click.echo("\n\n".join(tables_of(rows)))
     failed = [row for row in rows if row["outcome"] != "ok"]
     click.echo(f"holds in {len(rows) - len(failed)} of {len(rows)} simulated worlds")
     end_with(f"{row['mismatch']}: {row['reason']}" for row in failed)
@@ -229,8 +219,7 @@ def run(
     found = find_law(law)
     folder = out or Path("out") / "benchmark" / found.label
     chosen = suite.suite(found, worlds, (int(arms),) if arms else (1, 2))
-    done = run_study(under_laws(chosen[part], (law,)), folder, engine, jobs, {"suite": suite.DIGEST})
-    _report(done, folder)
+    run_study(under_laws(chosen[part], (law,)), folder, engine, jobs, {"suite": suite.DIGEST})
 
 
 @benchmark.command()

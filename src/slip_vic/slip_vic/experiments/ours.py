@@ -6,8 +6,11 @@ import itertools
 import math
 from typing import ClassVar
 
+import numpy as np
+
 from slip_core.params import build, flatten
 from slip_vic.experiments.law import Answer, Effort, Seen, Setup
+from slip_vic.run.in_process import answer_tick
 from slip_vic_controller.params.node_params import ControllerNodeParams
 from slip_vic_controller.session.controller import Controller
 from slip_vic_controller.session.manifest import Manifest
@@ -29,7 +32,7 @@ class Vic:
         params = {name: self._stiffened(own) for name, own in setup.parameters.items()}
         self._session = ControllerSession(Controller(params, setup.urdfs, lockstep=True))
         self._follows = [own.grip.control == "follow" for own in params.values()]
-        self._wrench_counts, self._slip_counts = [0] * len(params), [0] * len(params)
+        self._counts = np.zeros((2, len(params)), np.int64)
         self._tick = itertools.count()
 
     def _stiffened(self, own: ControllerNodeParams) -> ControllerNodeParams:
@@ -42,23 +45,14 @@ class Vic:
 
     def step(self, seen: Seen) -> Answer | tuple[Answer, ...]:
         """Answer as the controller does."""
-        every, arms = (seen, *seen.others), self._session.arms
-        for k, (arm, one) in enumerate(zip(arms, every, strict=True)):
-            for wrench in one.wrenches:
-                arm.add_wrench(0, wrench)
-            for slip in one.slips:
-                arm.add_slip(0, slip)
-            self._wrench_counts[k] += len(one.wrenches)
-            self._slip_counts[k] += len(one.slips)
-        for arm, one in zip(arms, every, strict=True):
-            arm.add_joint(one.joint)
-        wrenches, slips = tuple(self._wrench_counts), tuple(self._slip_counts)
-        self._session.add_manifest(Manifest(next(self._tick), seen.stamp_ns, wrenches, slips))
+        every = (seen, *seen.others)
+        self._counts += [[len(one.wrenches) for one in every], [len(one.slips) for one in every]]
+        manifest = Manifest(next(self._tick), seen.stamp_ns, *map(tuple, self._counts.tolist()))
         answers = tuple(
             Effort(command.numbers, result.grip if follows else None)
-            if result is not None and (command := result.command).interface == "effort" and len(command.numbers)
+            if (command := result.command).interface == "effort" and len(command.numbers)
             else None
-            for result, follows in zip(self._session.cycle(), self._follows, strict=True)
+            for result, follows in zip(answer_tick(self._session, every, manifest), self._follows, strict=True)
         )
         return answers if len(answers) > 1 else answers[0]
 

@@ -7,8 +7,8 @@ import platform
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
+import click
 from rich.console import Console
 
 from slip_vic.experiments.engines import Died, Engine, EngineName, open_engine
@@ -30,14 +30,6 @@ from slip_vic.run.prepare import prepare
 from slip_vic.run.progress import progress
 from slip_vic.run.versions import digest, versions
 from slip_vic.scenarios.scenario import load_scenario
-
-
-class Done(NamedTuple):
-    """What came of an experiment. there: how many runs it had before; died: workers, each with its task in a line."""
-
-    rows: list[Row]
-    there: int
-    died: list[str]
 
 
 def made_of(worlds: Iterable[World]) -> dict[str, str]:
@@ -81,8 +73,10 @@ def run_on_worker(wanted: Mapping[str, str], world: World) -> Row:
 
 def fill(
     path: Path, name: str, worlds: Sequence[World], workers: Engine, more: Mapping[str, str] | None = None
-) -> Done:
-    """Make the runs that a file of rows does not have yet.
+) -> tuple[list[Row], int]:
+    """Make the runs that a file of rows does not have yet; return all rows, and how many of them it had.
+
+    Workers that died are reported with their runs.
 
     Args:
         path: of the file.
@@ -106,12 +100,10 @@ def fill(
                 add(row_of(world, "crashed", row.reason, {}) if isinstance(row, Died) else row)
                 died = len(workers.deaths) - before
                 report(now, f"{died} workers died" if died else "")
+    for world, why in workers.deaths[before:]:
+        click.echo(f"a worker died and its run was tried again: {in_words(world.key)}, {why}", err=True)
     keys = {world.key for world in worlds}
-    deaths = [
-        f"a worker died and its run was tried again: {in_words(world.key)}, {why}"
-        for world, why in workers.deaths[before:]
-    ]
-    return Done([row for row in read_rows(path) if key_of(row) in keys], there, deaths)
+    return [row for row in read_rows(path) if key_of(row) in keys], there
 
 
 def in_words(key: Key) -> str:
@@ -126,12 +118,13 @@ def under_laws(worlds: Sequence[World], laws: Sequence[str]) -> list[World]:
 
 def run_study(
     worlds: Sequence[World], out: Path, engine: EngineName, jobs: int, more: Mapping[str, str] | None = None
-) -> Done:
+) -> list[Row]:
     """Make the runs that a folder does not have yet, and show all that were asked for; see `fill`."""
     with open_engine(engine, jobs) as workers:
-        done = fill(out / FILE, out.name, worlds, workers, more)
-    show(done.rows, out)
-    return done
+        rows, there = fill(out / FILE, out.name, worlds, workers, more)
+    show(rows, out)
+    click.echo(f"{there} of {len(rows)} runs were there already; {out}")
+    return rows
 
 
 def merge(folders: Sequence[Path], out: Path) -> int:
@@ -154,7 +147,7 @@ def show(rows: Sequence[Row], out: Path) -> None:
     if not rows:
         return
     write_picture((out / FILE).with_suffix(".png"), rows)
-    Console().print(*tables_of(rows), sep="\n")
+    click.echo("\n\n".join(tables_of(rows)))
 
 
 def bad_ones(rows: Sequence[Row]) -> list[str]:

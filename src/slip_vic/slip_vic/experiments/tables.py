@@ -13,18 +13,17 @@ mpl.use("Agg")
 
 import matplotlib.pyplot as plt  # the backend must be chosen first: no display is needed
 import numpy as np
+import pandas as pd
 from matplotlib.patches import Patch
-from rich.box import SIMPLE_HEAD
-from rich.markup import escape
-from rich.table import Table
 
 from slip_core.arrays import Array
-from slip_vic.experiments.run import CARRIED, Row, kind_of
+from slip_vic.experiments.run import CARRIED, KINDS, Row, kind_of
 from slip_vic.experiments.statistics import clopper_pearson
 
 GROUPS: Final = ("scenario", "track", "arms", "drive", "mismatch", "sensor")
 """What a study separates, beside the laws."""
-OF_SETS: Final = ("track", "arms")
+TITLES: Final = ("scenario", "track", "arms")
+OF_SETS: Final = TITLES[1:]
 """What separates other sets: each of their worlds is of a kind of its own."""
 SHOWN: Final = (
     ("slip_path_m", 1e3, "slip [mm]"), ("arrival_s", 1.0, "arrives [s]"), ("squeeze_peak_n", 1.0, "peak [N]"),
@@ -99,27 +98,18 @@ def cell(value: float) -> str:
     return ("0" if abs(value) < NOTHING else f"{value:.3g}") if math.isfinite(value) else "inf"
 
 
-def tables_of(rows: Sequence[Row]) -> Iterator[Table]:
+def tables_of(rows: Sequence[Row]) -> Iterator[str]:
     """Yield a table of each scenario, track and number of arms; lost runs with exact bounds.
 
     Columns that separate nothing, and outcomes that no run has, are left out.
     """
-    tables: dict[str, list[dict[str, str]]] = {}
-    for line in lines_of(rows):
-        title = ", ".join(filter(None, (line.get("scenario"), line["track"], f"arms: {line['arms']}")))
-        tables.setdefault(title, []).append(line)
-    for title, lines in tables.items():
-        cells = {name: {line[name] for line in lines} for name in lines[0]}
-        wanted = [name for name in cells if len(cells[name]) > 1 or not (name in GROUPS or name.endswith("[N]"))]
-        wanted = [name for name in wanted if name not in ("short", "late", "held", "refused") or cells[name] != {"0"}]
-        shown = Table(title=f"{title}; medians, what is not carried counts as infinite", box=SIMPLE_HEAD)
-        shown.collapse_padding, shown.pad_edge = True, False
-        for name in wanted:
-            names, head = name in (*GROUPS, "law"), escape(name).replace(" ", "\n")
-            shown.add_column(head, justify="left" if names else "right", no_wrap=name != "law", overflow="fold")
-        for line in lines:
-            shown.add_row(*(escape(line[name]) for name in wanted))
-        yield shown
+    lines = pd.DataFrame(lines_of(rows))
+    for names, table in lines.groupby([name for name in TITLES if name in lines], sort=False):
+        title = ", ".join(filter(None, (*names[:-1], f"arms: {names[-1]}")))
+        separates = (table.nunique() > 1) | ~(table.columns.isin(GROUPS) | table.columns.str.endswith("[N]"))
+        happens = ~table.columns.isin(KINDS) | (table != "0").any() | (table.columns == "lost")
+        shown = table.loc[:, separates & happens].to_string(index=False)
+        yield f"{title}; medians, what is not carried counts as infinite\n{shown}"
 
 
 def write_picture(path: Path, rows: Sequence[Row]) -> None:

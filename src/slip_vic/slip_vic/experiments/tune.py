@@ -136,7 +136,7 @@ def run_tune(
     with open_engine(engine, jobs) as workers:
 
         def rows_of(worlds: Sequence[World], name: str, values: Values) -> Sequence[Row]:
-            return fill(out / FILE, name, tried(worlds, law, name, values), workers).rows
+            return fill(out / FILE, name, tried(worlds, law, name, values), workers)[0]
 
         found = search(*search_space(loaded), trials, lambda name, values: rows_of(seen, name, values))
         best = min(found, key=lambda trial: trial.value)

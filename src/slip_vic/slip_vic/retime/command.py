@@ -35,10 +35,10 @@ def run_retime(source: Path, choice: Choice, out: Path) -> Iterator[str]:
     timed = len(given.times) > 0
     controller = governed(loaded, "slow_down" if timed else "time_optimal")
     params, samples = controller.params, list[Sample]()
-    for part in sections(given, controller.params.governor.torsional_radius):
-        path = PadPath(part.points) if given.of_pad else JointPath(part.points, controller.robot)
+    for part, wait_s in sections(given, controller.params.governor.torsional_radius):
+        path = PadPath(part) if given.of_pad else JointPath(part, controller.robot)
         samples += certified(path, controller)[len(samples) > 0 :]  # one begins where the one before has ended
-        samples += [Sample(path, samples[-1].time, 0.0, 0.0)] * round(part.wait_s / params.control_period_s)
+        samples += [Sample(path, samples[-1].time, 0.0, 0.0)] * round(wait_s / params.control_period_s)
     motion = motion_of(samples, params.control_period_s)
     loads, margin = load_shares(params, motion), params.governor.margin
     peak, at_s, away = float(loads.max()), float(motion.times[loads.argmax()]), deviation(given, motion.position)

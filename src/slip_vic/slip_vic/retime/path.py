@@ -7,7 +7,6 @@ times only the duration of a section and the waits between sections count.
 from __future__ import annotations
 
 import io
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -73,19 +72,11 @@ def chords(points: Points, radius: float = 1.0) -> Array:
     return np.hypot(np.linalg.norm(np.diff(values[:, :3], axis=0), axis=1), 2.0 * radius * half)
 
 
-@dataclass(frozen=True)
-class Section:
-    """A stretch of a path between two rests.
+def sections(points: Points, radius: float) -> list[tuple[Points, float]]:
+    """Return the stretches of a path between its rests, each with the time for which it rests at its end [s].
 
-    points: over an own time in which the path starts and ends at rest. wait_s: how long it rests at its end [s].
-    """
-
-    points: Points
-    wait_s: float
-
-
-def sections(points: Points, radius: float) -> list[Section]:
-    """Return the sections of a path between its rests; what rests before its start or after its end is left out.
+    They are over a time of their own in which they start and end at rest. What rests before the start of the path or
+    after its end is left out.
 
     Args:
         points: as given; a section of a path without times has an own time of 1 s.
@@ -106,7 +97,7 @@ def sections(points: Points, radius: float) -> list[Section]:
         duration = float(points.times[end] - points.times[begin]) if timed else 1.0
         wait = float(points.times[begins[k + 1]] - points.times[end]) if timed and not last else 0.0
         own = Points(duration * smooth_time(at / at[-1]), points.values[begin : end + 1], points.names)
-        found.append(Section(own, wait))
+        found.append((own, wait))
     return found
 
 

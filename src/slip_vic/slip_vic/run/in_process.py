@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -67,6 +68,25 @@ class Tick:
         self.commands[0] = JointCommand(self.outputs.stamp_ns, np.asarray(effort, dtype=np.float64))
 
 
+def answer_tick(session: ControllerSession, sent: Sequence[Any], manifest: Manifest) -> tuple[CycleResult, ...]:
+    """Return the answer of each arm to a lockstep tick; sent: of each arm its `joint`, `wrenches` and `slips`."""
+    for arm, own in zip(session.arms, sent, strict=True):
+        for wrench in own.wrenches:
+            arm.add_wrench(0, wrench)
+        for slip in own.slips:
+            if isinstance(slip, DisplacementSample):
+                arm.add_displacement(0, slip)
+            else:
+                arm.add_slip(0, slip)
+    for arm, own in zip(session.arms, sent, strict=True):
+        arm.add_joint(own.joint)
+    session.add_manifest(manifest)
+    results = tuple([result for result in session.cycle() if result is not None])
+    if len(results) != len(session.arms):
+        raise RuntimeError("the controller did not answer a complete tick")
+    return results
+
+
 class ClosedLoop:
     """Bridge and controller of a scenario, joined by function calls.
 
@@ -85,22 +105,8 @@ class ClosedLoop:
 
     def answer(self, outputs: TickOutputs) -> tuple[CycleResult, ...]:
         """Return the controller's answer to a tick's outputs, of each arm."""
-        session = self.session
-        for arm, sent in zip(session.arms, outputs.arms, strict=True):
-            for wrench in sent.wrenches:
-                arm.add_wrench(0, wrench)
-            for slip in sent.slips:
-                if isinstance(slip, DisplacementSample):
-                    arm.add_displacement(0, slip)
-                else:
-                    arm.add_slip(0, slip)
-        for arm, sent in zip(session.arms, outputs.arms, strict=True):
-            arm.add_joint(sent.joint)
-        session.add_manifest(Manifest(outputs.tick, outputs.stamp_ns, outputs.counts[0::2], outputs.counts[1::2]))
-        results = tuple([result for result in session.cycle() if result is not None])
-        if len(results) != len(session.arms):
-            raise RuntimeError("the controller did not answer a complete tick")
-        return results
+        manifest = Manifest(outputs.tick, outputs.stamp_ns, outputs.counts[0::2], outputs.counts[1::2])
+        return answer_tick(self.session, outputs.arms, manifest)
 
     def control(self, outputs: TickOutputs) -> CycleResult:
         """Return the controller's answer to a tick's outputs, of the only arm."""
