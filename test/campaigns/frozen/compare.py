@@ -9,10 +9,11 @@ from typing import Final
 
 import numpy as np
 from rich.table import Table
+from scipy.stats import binomtest
 
 from slip_vic.experiments.run import CARRIED, Row, kind_of
 from slip_vic.experiments.run import KINDS as ALL_KINDS
-from slip_vic.experiments.statistics import clopper_pearson, mcnemar
+from slip_vic.experiments.statistics import clopper_pearson
 
 GREW_M: Final = 3e-4
 """Slip path by which a run counts as grown [m]."""
@@ -29,6 +30,18 @@ KINDS: Final = tuple(kind for kind in ALL_KINDS if kind not in CARRIED)
 TESTS: Final = {"lost": ("lost",), "lost or short": ("lost", "short"), "not carried": KINDS}
 """Kinds of rows that each of McNemar's tests counts."""
 ONE_ARM: Final = "one_arm"
+
+
+def mcnemar(before_alone: int, after_alone: int) -> float:
+    """Return the probability, two-sided, of counts at least as different where both chances are the same.
+
+    Args:
+        before_alone, after_alone: worlds in which only the run before, and only that after, has the event.
+
+    Implements: McNemar's test, exact: the binomial test of the discordant pairs with one half.
+    """
+    pairs = before_alone + after_alone
+    return float(binomtest(before_alone, pairs).pvalue) if pairs else 1.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from slip_vic.experiments.draw import BANDWIDTH, KINDS, SPREAD, carries_weight, draw, drawn_worlds
+from slip_vic.experiments.draw import BANDWIDTH, KINDS, SPREAD, carries_weight, drawn_worlds
 from slip_vic.experiments.run import run
 from slip_vic.experiments.runner import under_laws
 from slip_vic.experiments.world import World
@@ -19,9 +19,10 @@ def worlds() -> list[World]:
 
 
 def test_a_world_depends_on_its_number_and_seed_alone() -> None:
-    assert draw(0, 1) == draw(0, 1)
-    assert draw(0, 1) != draw(3, 1)
-    assert draw(0, 1) != draw(0, 2)
+    worlds = list(drawn_worlds(8, 1))
+    assert list(drawn_worlds(4, 1)) == [world for world in worlds if world.number < 4]
+    assert len({(world.scenario, world.sensor, world.seed, world.settings) for world in worlds}) == len(worlds) > 1
+    assert worlds[0].settings != next(drawn_worlds(8, 2)).settings
 
 
 def test_worlds_cover_every_scenario_motion_and_error(worlds: list[World]) -> None:

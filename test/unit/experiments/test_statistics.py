@@ -2,7 +2,8 @@
 
 import pytest
 
-from slip_vic.experiments.statistics import clopper_pearson, mcnemar
+from slip_vic.experiments.statistics import clopper_pearson
+from test.campaigns.frozen.compare import mcnemar
 
 
 def test_no_event_in_300_worlds() -> None:

@@ -7,14 +7,8 @@ from collections.abc import Callable, Iterator, Sequence
 from slip_vic.experiments.run import Row, play, row_of
 from slip_vic.experiments.world import NO_MISMATCH, World, mismatch_assignments
 from slip_vic.options import Choice
-from slip_vic.scenarios.scenario import Scenario, load_scenario
+from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.law.bounds import GainReport
-from slip_vic_controller.law.gains import gain_report
-
-
-def gains(scenario: Scenario) -> GainReport:
-    """Return the verdict on the gains, without refusing them."""
-    return gain_report(next(iter(scenario.controllers.values())), refuse=False)
 
 
 def gain_lines(report: GainReport) -> Iterator[str]:

@@ -147,12 +147,13 @@ def check(*, choice: Choice, mismatches: tuple[str, ...]) -> None:
     """
     from rich.console import Console
 
-    from slip_vic.experiments.check import gain_lines, gains, run_worlds
+    from slip_vic.experiments.check import gain_lines, run_worlds
     from slip_vic.experiments.tables import tables_of
     from slip_vic.scenarios.scenario import load_scenario
+    from slip_vic_controller.law.gains import gain_report
 
     loaded = load_scenario(**choice)
-    report = gains(loaded)
+    report = gain_report(next(iter(loaded.controllers.values())), refuse=False)
     for line in gain_lines(report):
         click.echo(line)
     if not report.hold:

@@ -56,44 +56,33 @@ def length(vector: Array) -> float:
 def drawn_worlds(
     count: int, seed: int, scenarios: Sequence[str] = (), drive: str = "", assignments: Iterable[str] = ()
 ) -> Iterator[World]:
-    """Yield those of `count` drawn worlds in which friction carries the weight, with further assignments each."""
-    for number in range(count):
-        world = draw(number, seed, scenarios, drive, assignments)
-        if world is not None:
-            yield world
-
-
-def draw(
-    number: int, seed: int, scenarios: Sequence[str] = (), drive: str = "", assignments: Iterable[str] = ()
-) -> World | None:
-    """Return world `number` of a seed; None where static friction would not carry the object's weight at rest.
+    """Yield those of `count` drawn worlds in which static friction carries the object's weight at rest.
 
     Args:
-        number: from 0 on.
-        seed: of the set.
+        count, seed: of the set.
         scenarios: which take turns; none: one with one arm is drawn.
         drive: of all worlds; none: it is drawn, in half of the worlds one of MOTION_ARMS.
         assignments: further ones.
     """
-    rng = np.random.default_rng((seed, number))
-    scenario = scenarios[number % len(scenarios)] if scenarios else str(rng.choice(scenario_names(1)))
-    sensor, noise = str(rng.choice(preset_names("sensors"))), int(rng.integers(2**31))
-    drawn = str(rng.choice((*ARMS, *MOTION_ARMS)))
-    drive = drive or drawn
-    known = load_scenario(scenario, sensor=sensor, drive=drive)
-    kind = str(rng.choice(KINDS)) if not known.several else KINDS[0]
-    settings = [*drive_assignments(drive, scenario, ())]
-    settings += _several(rng) if known.several else [*motion(kind, known, rng), *_object(known, rng)]
-    for arm, bridge in known.bridges.items():
-        settings += [f"{arm}.{one}" if arm else one for one in (*_sensors(rng), *_joints(drive, bridge, rng))]
-    settings += assignments
-    of_world = load_scenario(scenario, assignments=settings)
-    if not (known.several or carries_weight(of_world.bridge)):
-        return None
-    lasts = SLOWER * next(iter(of_world.controllers.values())).trajectory.duration_s + SETTLES_S
-    settings.append(f"bridge.duration_s={lasts}")
-    arms = len(known.controllers)
-    return World(scenario, sensor, noise, (*settings,), f"drawn {seed}", number, arms, motion=kind, drive=drive)
+    for number in range(count):
+        rng = np.random.default_rng((seed, number))
+        scenario = scenarios[number % len(scenarios)] if scenarios else str(rng.choice(scenario_names(1)))
+        sensor, noise = str(rng.choice(preset_names("sensors"))), int(rng.integers(2**31))
+        drawn = str(rng.choice((*ARMS, *MOTION_ARMS)))
+        own_drive = drive or drawn
+        known = load_scenario(scenario, sensor=sensor, drive=own_drive)
+        kind = str(rng.choice(KINDS)) if not known.several else KINDS[0]
+        settings = [*drive_assignments(own_drive, scenario, ())]
+        settings += _several(rng) if known.several else [*motion(kind, known, rng), *_object(known, rng)]
+        for arm, bridge in known.bridges.items():
+            settings += [f"{arm}.{one}" if arm else one for one in (*_sensors(rng), *_joints(own_drive, bridge, rng))]
+        settings += assignments
+        of_world = load_scenario(scenario, assignments=settings)
+        if known.several or carries_weight(of_world.bridge):
+            lasts = SLOWER * next(iter(of_world.controllers.values())).trajectory.duration_s + SETTLES_S
+            settings.append(f"bridge.duration_s={lasts}")
+            arms, name = len(known.controllers), f"drawn {seed}"
+            yield World(scenario, sensor, noise, (*settings,), name, number, arms, motion=kind, drive=own_drive)
 
 
 def _several(rng: np.random.Generator) -> list[str]:
