@@ -7,14 +7,14 @@ from types import SimpleNamespace
 import numpy as np
 
 from slip_core.compiled import IN1, IN2, INT, OUT1, REAL, VOID, kernel, part
-from slip_core.records import Mat3, Real, Record, Vec3, dtype_of, new, record
+from slip_core.records import Mat3, Real, Record, Vec3, dtype_of, new, record, records
 from slip_core.vectors import ZERO, Spatial, Vec, mat, put_spatial, spatial, vec
 from slip_vic_controller.contact.friction_estimate import Friction, remember, slip_sample
 from slip_vic_controller.governor import governor as g
 from slip_vic_controller.governor.guard import hold_back
 from slip_vic_controller.governor.layouts import GOVERNOR, GOVERNOR_CONFIG, PAD
 from slip_vic_controller.governor.load import ALONE, Held, load, size
-from slip_vic_controller.governor.plan import GRID_POINTS, PATH_GRID, Governing, along, sample_time
+from slip_vic_controller.governor.plan import GRID_POINT, GRID_POINTS, Governing, along, sample_time
 from slip_vic_controller.governor.step import Pad
 from slip_vic_controller.path.paths import Reference
 
@@ -89,7 +89,7 @@ def _sample(config, state, grid, grasped, i, R, twist, acceleration):
     c, s = record(config, GOVERNOR_CONFIG), record(state, GOVERNOR)
     held = _held(c, record(grasped, OBJECT))
     g.sample_point(
-        c, s, record(grid, PATH_GRID), i, held, Reference(ZERO, mat(R), spatial(twist), spatial(acceleration))
+        c, s, records(grid, GRID_POINT), i, held, Reference(ZERO, mat(R), spatial(twist), spatial(acceleration))
     )
 
 
@@ -99,7 +99,7 @@ def _before(config, state, grid, pad, grasped, R, twist, acceleration, x_e, R_ee
     held = _held(c, record(grasped, OBJECT))
     at = along(c, c.duration, s.time, Reference(ZERO, mat(R), spatial(twist), spatial(acceleration)))
     seen = Pad(vec(x_e), mat(R_ee), spatial(v_ee), spatial(record(pad, PAD).feedback))
-    g.run(c, s, record(grid, PATH_GRID), held, at, seen, most_rate, dt)
+    g.run(c, s, records(grid, GRID_POINT), held, at, seen, most_rate, dt)
 
 
 @kernel(VOID(IN1, IN1, IN2, IN1, IN1, OUT1))
@@ -114,7 +114,7 @@ def _reference(config, state, R, twist, acceleration, out):
 @kernel(VOID(IN1, OUT1, OUT1))
 def _plan(config, state, grid):
     c, s = record(config, GOVERNOR_CONFIG), record(state, GOVERNOR)
-    g.plan(c, s, record(grid, PATH_GRID))
+    g.plan(c, s, records(grid, GRID_POINT))
 
 
 @kernel(VOID(OUT1, REAL, INT))
@@ -151,16 +151,15 @@ class Governor:
         self.buffers = (
             configuration(case, **{"duration": path.duration, **changes}),
             new(GOVERNOR),
-            new(PATH_GRID),
+            np.zeros(GRID_POINTS * GRID_POINT.itemsize // 8),
             new(PAD),
         )
-        layouts = (GOVERNOR_CONFIG, GOVERNOR, PATH_GRID, PAD)
-        views = [record(b, d) for b, d in zip(self.buffers, layouts, strict=True)]
-        self.config, self.state, self.grid, self.pad = views
+        config, state, grid, pad = self.buffers
+        self.config, self.state, self.pad = record(config, GOVERNOR_CONFIG), record(state, GOVERNOR), record(pad, PAD)
+        self.points = records(grid, GRID_POINT)
         self.grasped = new(OBJECT)
         grasped = record(self.grasped, OBJECT)
         grasped.mass, grasped.inertia, grasped.r = case.mass, case.inertia, case.r
-        config, state, _, pad = self.buffers
         _start(config, state, pad, self.grasped, np.ascontiguousarray(path.start))
         self.sample()
 
@@ -173,10 +172,6 @@ class Governor:
         """Plan the path; a cycle does it too."""
         _plan(*self.buffers[:3])
         return self
-
-    @property
-    def points(self):
-        return self.grid.points
 
     def before(self, x=None, R=None, v=None, most_rate=1e3):
         """Do the planning and the step; return position, attitude, twist, acceleration of the reference."""

@@ -54,8 +54,6 @@ UNTOLD_S = 0.003
 SHARED_RESERVE = 0.3
 """Share of what the weight, and `governor.reserve`, leave that the path of several arms does not use: one pad may bear
 less than the others, the arms press on each other, and a camera sees what slips too late."""
-SAMPLES_AHEAD = 16
-"""Samples of a governed stream in the time that it is looked ahead; closer ones are thinned."""
 CONFIRMED = 2
 """Slip samples in a row that are believed where the observer finds slip too, on an arm whose joints are estimated: it
 finds some there that are none, and one sample may be an outlier."""
@@ -104,7 +102,6 @@ def make_config(params: ControllerParams, robot: Robot, *, lockstep: bool, arms:
     _fill_conditions(config, params)
     _fill_limits(config, params, robot)
     _fill_hold(config.hold, params)
-    _fill_paths(config, params)
     fill_wrench_sensor(config.wrench_sensor, params, robot)
     buffer.setflags(write=False)
     return buffer
@@ -158,6 +155,7 @@ def _fill_cycle(cycle: CycleConfig, params: ControllerParams, joints: int) -> No
     cycle.period_ns, cycle.start_s = seconds_to_ns(params.control_period_s), params.trajectory.start_s
     cycle.posture_given = int(bool(posture))
     cycle.has_observer = int(params.slip_estimator == "observer")
+    cycle.follows_stream, cycle.follows_goals = int(governed_stream(params)), int(params.trajectory.kind == "goal")
     cycle.gate_shut = int(gate_shut(params))
     cycle.models_wrench = int(params.wrench.source == "none")
     cycle.leaves_gravity = int(params.effort.gravity == "robot_compensates")
@@ -232,16 +230,6 @@ def _fill_hold(hold: HoldConfig, params: ControllerParams) -> None:
     hold.mass = share * params.object.mass
     hold.inertia[:] = share * inertia_from_six(params.object.inertia, "parameter object.inertia")
     hold.weight[:] = hold.mass * np.array(params.gravity)
-
-
-def _fill_paths(config: ControllerConfig, params: ControllerParams) -> None:
-    """Write how references by topic and goals are followed."""
-    stream, goals, limits = config.stream, config.goals, params.safety.limits
-    stream.on, stream.preview_s = int(governed_stream(params)), params.governor.preview_s
-    stream.spacing_s = params.governor.preview_s / SAMPLES_AHEAD
-    goals.on = int(params.trajectory.kind == "goal")
-    if params.governor.mode == "off":  # the governor slows down what is too fast; without it such a goal is refused
-        goals.most_speed, goals.most_turning = limits.speed_linear, limits.speed_angular
 
 
 def _fill_governor(governor: GovernorConfig, params: ControllerParams) -> None:

@@ -12,7 +12,7 @@ from slip_vic_controller.arm.tare import Tare, TareConfig
 from slip_vic_controller.contact.layouts import Motion, Observer, ObserverConfig
 from slip_vic_controller.governor.grip import Grip, GripConfig
 from slip_vic_controller.governor.layouts import GovernedPad, Governor, GovernorConfig
-from slip_vic_controller.governor.plan import PathGrid
+from slip_vic_controller.governor.plan import GRID_POINTS, GridPoint
 from slip_vic_controller.interfaces import WrenchSensor
 from slip_vic_controller.law.arm import Arm, DesiredMotion, Pose
 from slip_vic_controller.law.config import LawConfig
@@ -21,10 +21,10 @@ from slip_vic_controller.law.extensions import CompensationState
 from slip_vic_controller.law.gains import LawGains, Ramp
 from slip_vic_controller.law.law import Evaluation
 from slip_vic_controller.law.symbols import SlipEstimate
-from slip_vic_controller.path.goals import Goal, GoalsConfig
+from slip_vic_controller.path.goals import Goal
 from slip_vic_controller.path.path_scaling import PathScaling
 from slip_vic_controller.path.paths import Path
-from slip_vic_controller.path.stream import Stream, StreamConfig
+from slip_vic_controller.path.stream import Stream
 from slip_vic_controller.safety.conditions import REASONS, Condition, ConditionsConfig, Health
 from slip_vic_controller.safety.drop_detection import DropDetectionConfig, ObservedMotion
 from slip_vic_controller.safety.effort_limiter import EffortLimiter
@@ -56,6 +56,8 @@ class CycleConfig(Record):
     gate_shut: Whole  # whether the law takes the object as held
     leaves_gravity: Whole  # whether the arm carries its own weight
     models_wrench: Whole  # whether there is no wrench sensor
+    follows_stream: Whole  # whether the path is a governed stream of references
+    follows_goals: Whole  # whether it leads from goal to goal
 
 
 class ControllerConfig(Record):
@@ -77,8 +79,6 @@ class ControllerConfig(Record):
     governor: GovernorConfig
     wrench_sensor: WrenchSensor
     grip: GripConfig
-    goals: GoalsConfig
-    stream: StreamConfig
     estimator: EstimatorConfig
     command: CommandConfig
     tare: TareConfig
@@ -102,7 +102,7 @@ class TaskState(Record):
     reference: DesiredMotion  # by topic
     desired: DesiredMotion  # of the last cycle
     governor: Governor
-    grid: PathGrid
+    grid: Annotated[Records[GridPoint], GRID_POINTS]  # the path as sampled
     goal: Goal
     stream: Stream
 

@@ -68,7 +68,7 @@ def test_reference_follows_slipping_pad() -> None:
     for rate in (slower, -slower):
         for _ in range(20):
             s += rate * G.dt
-            time = path_time(G.grid, s)
+            time = path_time(G.points, s)
             x, R, v, _ = G.path.at(time)
             G.before(x, R, rate * v / np.interp(time, G.points["time"], G.points["speed"]))
             assert G.state.rate == pytest.approx(max(rate, 0.0), rel=0.02, abs=1e-9)
@@ -159,7 +159,7 @@ def test_least_stopping_load_is_planned(slipped_at: float) -> None:
     state, contact, rate2 = G.state, G.state.contact, float(G.state.rate) ** 2
     contact.F_lo, contact.F_median, contact.slipped_at = 0.14, 0.14, slipped_at
     least = next(
-        F for F in np.linspace(0.133, 0.985 * 0.25, 300) if call(governor.stops_with, G.config, state, G.grid, F, 0.0)
+        F for F in np.linspace(0.133, 0.985 * 0.25, 300) if call(governor.stops_with, G.config, state, G.points, F, 0.0)
     )
     G.plan()
     assert state.asked == pytest.approx(0.95 * 0.14)
@@ -188,7 +188,7 @@ def test_path_begins_as_fast_as_admitted(cap: tuple[float, float], moves: bool) 
 def test_braking_keeps_limit() -> None:
     G, R, v, a = on_its_way(900)
     G.state.contact.F_lo = G.state.contact.F_median = 0.8 * PAPER.force
-    G.state.asked = call(governor.load_to_plan, G.config, G.state, G.grid)
+    G.state.asked = call(governor.load_to_plan, G.config, G.state, G.points)
     G.points["K"][:] = 1e-6  # as if that plan were there, and nowhere admitted motion
     before = float(G.state.rate)
     assert before > 0.1

@@ -72,7 +72,7 @@ def test_s_is_path_length() -> None:
     length = np.concatenate(([0.0], np.cumsum(0.5 * (t[1] - t[0]) * (np.array(speeds[1:]) + speeds[:-1]))))
     np.testing.assert_allclose(G.points["s"], np.interp(G.points["time"], t, length), atol=2e-6 * length[-1])
     for s in rng.uniform(0, length[-1], 200):
-        assert abs(path_time(G.grid, s) - np.interp(s, length, t)) < 1e-4 * path.duration
+        assert abs(path_time(G.points, s) - np.interp(s, length, t)) < 1e-4 * path.duration
 
 
 LAST = 190

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from slip_bags.reader import Bag
 from slip_core.errors import InputError
-from slip_core.records import dtype_of, new, record
+from slip_core.records import new, record
 from slip_core.types import CartesianReference
 from slip_core.vectors import NOTHING, mat, spatial, vec
 from slip_msgs_py.messages.from_msgs import streamed_reference
@@ -19,12 +19,11 @@ from slip_vic.replay.verify import verify_run
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.governor.layouts import GOVERNOR
-from slip_vic_controller.governor.load import Held, Shared
+from slip_vic_controller.governor.load import ALONE, Held
 from slip_vic_controller.path.paths import REFERENCE, Reference, put_reference
 from slip_vic_controller.path.stream import (
     STREAM,
     STREAM_POINTS,
-    StreamConfig,
     at,
     drop_passed,
     plan_stream,
@@ -39,6 +38,10 @@ from test.support.run_maker import goal_message, record_run
 
 FIRST = 10
 HELD_M = 1e-7
+HELD = Held(0.5, mat(np.eye(3)), vec(np.zeros(3)), spatial(np.ones(6)), vec(np.zeros(3)), ALONE)
+"""An object without weight."""
+LIMITS = (1.0, 1.0, 1.0)
+PREVIEW_S, SPACING_S = 0.144, 0.009
 TOPIC = "controller.trajectory.kind=topic"
 
 
@@ -74,7 +77,7 @@ def test_fast_stream_is_slowed() -> None:
 def test_passed_samples_are_dropped() -> None:
     stream = record(new(STREAM), STREAM)
     for time, points in ((0.5, 6), (1.0, 5), (2.5, 4), (9.0, 2)):
-        stream.count, stream.fresh = 6, 4
+        stream.count = 6
         for i in range(6):
             stream.points[i].time = float(i)
             stream.samples[i].position[:] = i
@@ -83,48 +86,54 @@ def test_passed_samples_are_dropped() -> None:
         assert stream.count == points, time
         assert [stream.points[i].time for i in kept] == list(range(6 - points, 6)), time
         assert [stream.samples[i].position[0] for i in kept] == list(range(6 - points, 6)), time
-        assert stream.fresh == max(points - 2, 0), "the load of the last two is still unknown"
+
+
+def new_stream() -> tuple:
+    """Return a STREAM that begins with its next sample, and a GOVERNOR."""
+    stream = record(new(STREAM), STREAM)
+    stream.first_ns = NEVER
+    return stream, record(new(GOVERNOR), GOVERNOR)
+
+
+def take(stream, path, now_ns: int) -> bool:
+    """Take what is queued; samples closer than 9 ms are thinned."""
+    return bool(take_queued(stream, path, HELD, LIMITS, PREVIEW_S, now_ns))
 
 
 def test_close_samples_are_thinned() -> None:
-    config, stream, path = (record(new(layout), layout) for layout in (dtype_of(StreamConfig), STREAM, GOVERNOR))
-    config.preview_s, config.spacing_s, stream.first_ns = 0.1, 0.009, NEVER
+    stream, path = new_stream()
     spacings_ms = (*(3,) * 20, *(10,) * 100)  # more of them than there is room for
     stamps = 5 * 10**15 + np.cumsum((0, *spacings_ms)) * 10**6
     for k, stamp_ns in enumerate(stamps):
         stream.queued, stream.queue[0].stamp_ns = 1, stamp_ns
         stream.queue[0].reference.position[:] = k
-        stream.fresh = stream.count
-        assert take_queued(config, stream, path, stamp_ns) is (k == 0)
+        assert take(stream, path, stamp_ns) is (k == 0)
         n = int(stream.count)
         assert stream.queued == 0
-        assert stream.fresh == (n - 1 if k else 0), "of what has come the load is unknown, of all before it is not"
         stream.queued, stream.queue[0].stamp_ns = 1, stamp_ns - 10**6
         stream.queue[0].reference.position[:] = -1.0
-        assert not take_queued(config, stream, path, stamp_ns), "what is older than the newest is left out"
+        assert not take(stream, path, stamp_ns), "what is older than the newest is left out"
         assert stream.count == n
         times = np.array([stream.points[i].time for i in range(n)])
         assert times[-1] == pytest.approx((stamp_ns - stamps[0]) * 1e-9)
         assert stream.samples[n - 1].position[0] == k
         assert n <= STREAM_POINTS
-        assert np.diff(times)[1:-1].min(initial=1.0) >= config.spacing_s, "but the last, that the next may replace"
+        assert np.diff(times)[1:-1].min(initial=1.0) >= SPACING_S, "but the last, that the next may replace"
         if n < STREAM_POINTS:
-            assert np.diff(times)[1:].max(initial=0.0) < 2.5 * config.spacing_s, "and no more than need be"
+            assert np.diff(times)[1:].max(initial=0.0) < 2.5 * SPACING_S, "and no more than need be"
     assert n == STREAM_POINTS
-    assert (path.time, path.rate) == (-config.preview_s, 0.0)
+    assert (path.time, path.rate) == (-PREVIEW_S, 0.0)
 
 
 def test_stream_bound_admits_braking() -> None:
     """A point mass: over the way D, K falls by 2 D F / m."""
     stream, F, mass, spacing_s = record(new(STREAM), STREAM), 1.5, 0.5, 0.1
-    stream.count = stream.fresh = 5
+    stream.count, stream.load = 5, -1.0
     for i in range(5):
         point = stream.points[i]
-        point.time, point.uu, point.cap = spacing_s * i, mass * mass, 100.0
+        point.s, point.uu, point.cap = spacing_s * i, mass * mass, 100.0
     stream.points[4].cap = 0.01
-    nobody = Shared(1, vec(np.zeros(3)), mat(np.eye(3)), 0.0)
-    held = Held(mass, mat(np.eye(3)), vec(np.zeros(3)), spatial(np.ones(6)), vec(np.zeros(3)), nobody)
-    plan_stream(stream, held, (1.0, 1.0, 1.0), F, 0.0)
+    plan_stream(stream, F, 0.0)
     K = [stream.points[i].K for i in range(5)]
     expected = 0.01 + 2.0 * spacing_s * F / mass * np.arange(4, -1, -1)
     np.testing.assert_allclose(K, expected, rtol=1e-6)
@@ -134,7 +143,8 @@ def test_stream_bound_is_piecewise_linear() -> None:
     stream = record(new(STREAM), STREAM)
     stream.count = 3
     for i, (time, K) in enumerate(((0.0, 4.0), (1.0, 2.0), (3.0, 1.0))):
-        stream.points[i].time, stream.points[i].K = time, K
+        stream.points[i].time = stream.points[i].s = time
+        stream.points[i].K = K
     expected = (
         (-1.0, 4.0, -2.0),
         (0.5, 3.0, -2.0),
@@ -155,34 +165,32 @@ def test_waiting_stream_time() -> None:
 
 
 def test_unstamped_sample_uses_cycle_stamp() -> None:
-    config, stream, path = (record(new(layout), layout) for layout in (dtype_of(StreamConfig), STREAM, GOVERNOR))
-    config.preview_s, config.spacing_s, stream.first_ns = 0.1, 0.009, NEVER
+    stream, path = new_stream()
     for ms in (0, 20, 50):
         stream.queued, stream.queue[0].stamp_ns = 1, 0
-        take_queued(config, stream, path, (5 + ms) * 10**6)
-    assert [stream.points[i].time for i in range(stream.count)] == pytest.approx([-0.1, 0.0, 0.02, 0.05])
+        take(stream, path, (5 + ms) * 10**6)
+    assert [stream.points[i].time for i in range(stream.count)] == pytest.approx([-PREVIEW_S, 0.0, 0.02, 0.05])
 
 
 def test_ended_stream_restarts_where_it_ended() -> None:
-    config, stream, path = (record(new(layout), layout) for layout in (dtype_of(StreamConfig), STREAM, GOVERNOR))
-    config.preview_s, config.spacing_s, stream.first_ns = 0.1, 0.009, NEVER
+    stream, path = new_stream()
 
-    def take(ms: int) -> bool:
+    def receive(ms: int) -> bool:
         stream.queued, stream.queue[0].stamp_ns = 1, (7 + ms) * 10**6
         item = Reference(vec([1e-3 * ms, 0.0, 0.0]), mat(np.eye(3)), spatial([1.0, 0.0, 0.0, 0.0, 0.0, 0.0]), NOTHING)
         put_reference(stream.queue[0].reference, item)
-        return bool(take_queued(config, stream, path, 0))
+        return take(stream, path, 0)
 
-    assert [take(ms) for ms in (0, 20, 40)] == [True, False, False]
+    assert [receive(ms) for ms in (0, 20, 40)] == [True, False, False]
     path.time, path.rate = 0.05, 0.1  # behind the last sample, where it goes straight on
-    assert not take(45)
+    assert not receive(45)
     path.time, path.rate = 0.03, 0.0
-    assert not take(60), "there is something to follow"
-    path.time, stream.fresh = 0.07, 3
-    assert take(500)
-    assert (stream.count, stream.fresh) == (2, 0), "of neither is the load known"
-    assert (path.time, path.rate, stream.points[0].time) == (0.4, 0.0, 0.4)
-    rests, newest = numbers(at(stream, 0.4)), numbers(at(stream, 0.5))
+    assert not receive(60), "there is something to follow"
+    path.time = 0.07
+    assert receive(500)
+    assert (stream.count, path.rate) == (2, 0.0)
+    assert path.time == stream.points[0].time == pytest.approx(0.5 - PREVIEW_S)
+    rests, newest = numbers(at(stream, path.time)), numbers(at(stream, 0.5))
     np.testing.assert_allclose(rests[:3], (0.07, 0.0, 0.0), atol=1e-12)
     np.testing.assert_array_equal(rests[12:], 0.0)
     np.testing.assert_allclose(newest[[0, 12]], (0.5, 1.0))
@@ -203,7 +211,7 @@ def test_stream_interpolation_is_consistent() -> None:
         R = Rotation.from_rotvec(rng.normal(size=3) * 0.2).as_matrix() @ R
         x, v, a = rng.normal(size=3), rng.normal(size=6), rng.normal(size=6)
         samples.append(Reference(vec(x), mat(R), spatial(v), spatial(a)))
-        stream.points[i].time = time
+        stream.points[i].time = stream.points[i].s = time
         put_reference(stream.samples[i], samples[-1])
     stream.count = len(times)
     for time, sample in zip(times, samples, strict=True):

@@ -173,9 +173,9 @@ def begin_law(
     begin_pad(config, state, arm, outputs.gains)
     if lead:
         task.start_ns = sample.stamp_ns
-        if config.stream.on != 0:
+        if config.cycle.follows_stream != 0:
             rest_stream(task.stream, vec(arm.position), mat(arm.rotation))
-        if config.goals.on != 0:
+        if config.cycle.follows_goals != 0:
             rest_at(
                 task.goal, Reference(vec(arm.position), mat(arm.rotation), Spatial(ZERO, ZERO), Spatial(ZERO, ZERO))
             )

@@ -48,14 +48,14 @@ def rest_on_path(config: ControllerConfig, task: TaskState, arm: Arm, held_still
     enabled again whatever the goal was.
     """
     here = Reference(vec(arm.position), mat(arm.rotation), NOTHING, NOTHING)
-    if config.stream.on != 0:
+    if config.cycle.follows_stream != 0:
         rest_stream(task.stream, here.position, here.rotation)
     task.governor.rate = 0.0
     governor.steady(config.governor, task.governor)
     if held_still:
         if task.reference_known != 0:
             put_reference(task.reference, here)
-        if task.forgets != 0 and config.goals.on != 0:
+        if task.forgets != 0 and config.cycle.follows_goals != 0:
             rest_at(task.goal, here)
             governor.start_path(config.governor, task.governor)
         task.forgets = 0
@@ -63,8 +63,10 @@ def rest_on_path(config: ControllerConfig, task: TaskState, arm: Arm, held_still
 
 @part
 def path_at(config: ControllerConfig, task: TaskState, state: ArmState, time: float) -> Reference:
-    """Return the trajectory as planned at its own time [s]: the built-in one, or that of the goal."""
-    if config.goals.on != 0:
+    """Return the trajectory as planned at its own time [s]: the built-in one, the stream, or the way to the goal."""
+    if config.cycle.follows_stream != 0:
+        return at(task.stream, time)
+    if config.cycle.follows_goals != 0:
         return goal_at(task.goal, time)
     return reference_at(config.path, time, state.law.start_position, state.law.start_rotation)
 
@@ -110,8 +112,8 @@ def goal_progress(task: TaskState) -> float:
 @part
 def screen(config: ControllerConfig, task: TaskState, at_work: bool) -> None:
     """Refuse the goal that waits where it cannot be begun."""
-    if config.goals.on != 0:
-        screen_goal(config.goals, task.goal, goal_at(task.goal, task.governor.out_time), at_work)
+    if config.cycle.follows_goals != 0:
+        screen_goal(config.governor, task.goal, goal_at(task.goal, task.governor.out_time), at_work)
 
 
 @part
@@ -153,9 +155,9 @@ def step_on_path(
     dt = (state.joint.answers.stamp_ns - state.law.stamp_ns) * 1e-9
     dt = dt if dt > 0.0 else 1e-9 * config.cycle.period_ns
     grasped = held(config, state, outputs.gains)
-    if config.stream.on != 0:
+    if config.cycle.follows_stream != 0:
         follow_stream(config, task, state, arm, grasped, path_speed, dt)
-    elif config.goals.on != 0 and not take_governed_goal(config, task):
+    elif config.cycle.follows_goals != 0 and not take_governed_goal(config, task):
         governor.allow(config.governor, task.governor)  # rests where it is
     else:
         follow_path(config, task, state, arm, grasped, path_speed, dt)
@@ -168,15 +170,15 @@ def follow_stream(
     """Take the samples of a governed stream, find how fast it may be followed, and take the step on it."""
     path, stream, limits_of = task.governor, task.stream, config.governor
     governor.allow(limits_of, path)
-    if take_queued(config.stream, stream, path, state.joint.answers.stamp_ns):
+    catch_up = CATCH_UP if limits_of.mode == Governing.TIME_OPTIMAL else 1.0
+    limits = catch_up, limits_of.most_speed, limits_of.most_turning
+    if take_queued(stream, path, grasped, limits, limits_of.preview_s, state.joint.answers.stamp_ns):
         governor.steady(limits_of, path)
     if stream.count == 0:
         path.rate = 0.0
         return
     drop_passed(stream, path.out_time)
-    catch_up = CATCH_UP if limits_of.mode == Governing.TIME_OPTIMAL else 1.0
-    limits = catch_up, limits_of.most_speed, limits_of.most_turning
-    plan_stream(stream, grasped, limits, limits_of.path_margin * path.usable, limits_of.reserve)
+    plan_stream(stream, limits_of.path_margin * path.usable, limits_of.reserve)
     now, K, ahead = at(stream, path.s), stream_bound(stream, path.s)[0], stream_bound(stream, path.s + dt * path.rate)
     most_rate, last = min(rate_limit(config, path, path_speed), catch_up), stream.points[stream.count - 1].time
     bounds = Bounds(K, ahead[0], ahead[1], most_rate, 1.0, stream.points[0].time, max(last, path.s))
@@ -190,7 +192,7 @@ def follow_path(
 ) -> None:
     """Plan the built-in path or that of a goal, and take the step on it; state: of the first arm."""
     path = task.governor
-    if config.goals.on != 0 and task.goal.pending != 0:
+    if config.cycle.follows_goals != 0 and task.goal.pending != 0:
         path_speed = 0.0
     if path.planned == 0:
         for i in range(GRID_POINTS):
@@ -202,7 +204,7 @@ def follow_path(
     planned = path_at(config, task, state, path.time)
     point, seen = along(config.governor, path.duration, path.time, planned), seen_from(planned, arm, state.pad)
     governor.run(config.governor, path, task.grid, grasped, point, seen, rate_limit(config, path, path_speed), dt)
-    if config.goals.on != 0:
+    if config.cycle.follows_goals != 0:
         judge_governed_goal(config, task)
 
 
@@ -210,7 +212,7 @@ def follow_path(
 def governed_reference(config: ControllerConfig, task: TaskState, state: ArmState, lead: bool) -> Reference:
     """Return the reference of a pad where the governor has the path; lead: of the first pad, whose path is governed."""
     path = task.governor
-    planned = at(task.stream, path.out_time) if config.stream.on != 0 else path_at(config, task, state, path.out_time)
+    planned = path_at(config, task, state, path.out_time)
     if lead:
         point = along(config.governor, path.duration, path.out_time, planned)
         path.out_speed, path.out_bend = point.speed, point.bend
@@ -251,8 +253,8 @@ def put_governed(config: ControllerConfig, task: TaskState, state: ArmState, out
     out.limit, out.load_ratio, out.friction_share, out.margin = float(path.limit), 0.0, 0.0, 0.0
     if F > 0.0:
         out.load_ratio, out.friction_share, out.margin = pad.commanded / F, pad.measured / F, path.usable / F
-    out.stream_waits = waiting(task.stream, path.out_time) if config.stream.on != 0 else 0.0
+    out.stream_waits = waiting(task.stream, path.out_time) if config.cycle.follows_stream != 0 else 0.0
     out.goal, out.goal_phase = float(task.goal.number), float(task.goal.phase)
-    out.goal_progress = goal_progress(task) if config.goals.on != 0 else 0.0
+    out.goal_progress = goal_progress(task) if config.cycle.follows_goals != 0 else 0.0
     out.slipping = float(pad.contact.slipping)
     out.grip_command, out.grip_force = state.grip.command, state.grip.actual

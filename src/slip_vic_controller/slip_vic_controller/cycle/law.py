@@ -68,14 +68,15 @@ def _reference(config: ControllerConfig, task: TaskState, state: ArmState, outpu
     the law began. A built-in path each pad runs through from where it was then.
     """
     law = state.law
-    keeps = not lead and (task.reference_known != 0 or config.stream.on != 0 or config.goals.on != 0)
+    by_topic = config.cycle.follows_stream != 0 or config.cycle.follows_goals != 0
+    keeps = not lead and (task.reference_known != 0 or by_topic)
     if keeps:
         desired = carried(read_reference(task.desired), state.grasp)
     elif task.reference_known != 0:
         desired = read_reference(task.reference)
     elif config.governor.mode != Governing.OFF:
         desired = governed_reference(config, task, state, lead)
-    elif config.goals.on != 0:
+    elif config.cycle.follows_goals != 0:
         desired = follow_goal(task, state.joint.answers.stamp_ns)
     else:
         t = (state.joint.answers.stamp_ns - task.start_ns) * 1e-9 - config.cycle.start_s

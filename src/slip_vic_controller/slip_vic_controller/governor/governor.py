@@ -2,7 +2,7 @@
 
 A cycle calls, in this order: `sample_point` for every point of a path that has no plan yet, `run`, then its law with
 `governed` as reference, then `hold_back` with the law's a_C. All of it is in place and deterministic: its memory is
-GOVERNOR, PAD and PATH_GRID.
+GOVERNOR, PAD and the points of the path.
 
 The path is planned as a whole, in the cycle in which it begins and in every one in which the load that it may use has
 changed by REPLAN.
@@ -14,6 +14,7 @@ import math
 from typing import Final
 
 from slip_core.compiled import part
+from slip_core.records import Records
 from slip_core.vectors import NOTHING, Spatial, Vec, put_spatial
 from slip_vic_controller.contact.estimate import SensorHealth
 from slip_vic_controller.contact.friction_estimate import start_friction
@@ -22,14 +23,16 @@ from slip_vic_controller.governor.layouts import GovernedPad, Governor, Governor
 from slip_vic_controller.governor.load import Held
 from slip_vic_controller.governor.plan import (
     FASTEST,
+    GRID_POINTS,
     Along,
     Governing,
-    PathGrid,
+    GridPoint,
     along,
     at_rest,
     backward_pass,
     bound,
     cell,
+    left_for_motion,
     path_time,
     sample_time,
     take_point,
@@ -109,12 +112,12 @@ def steady(config: GovernorConfig, state: Governor) -> None:
 
 @part
 def sample_point(
-    config: GovernorConfig, state: Governor, grid: PathGrid, i: int, held: Held, planned: Reference
+    config: GovernorConfig, state: Governor, grid: Records[GridPoint], i: int, held: Held, planned: Reference
 ) -> None:
     """Sample point i of a path that has no plan, in order, at its `sample_time`.
 
     Args:
-        config, state, grid: GOVERNOR_CONFIG, GOVERNOR, PATH_GRID.
+        config, state, grid: GOVERNOR_CONFIG, GOVERNOR, points of the path.
         i: index, from 0 to GRID_POINTS - 1.
         held: object on pad axes.
         planned: the path in the user's time {w}.
@@ -122,15 +125,15 @@ def sample_point(
     time = sample_time(config.mode, i, state.duration)
     most_rate = FASTEST if config.mode == Governing.TIME_OPTIMAL else 1.0
     limits = most_rate, config.most_speed, config.most_turning
-    take_point(grid.points, i, time, along(config, state.duration, time, planned), held, limits)
-    heavy = math.sqrt(grid.points[i].cc)
+    take_point(grid, i, time, along(config, state.duration, time, planned), held, limits)
+    heavy = math.sqrt(grid[i].cc)
     if i == 0 or heavy > state.weight_load:
         state.weight_load, state.heaviest_time = heavy, time
-    state.end = grid.points[i].s
+    state.end = grid[i].s
 
 
 @part
-def load_to_plan(config: GovernorConfig, state: Governor, grid: PathGrid) -> float:
+def load_to_plan(config: GovernorConfig, state: Governor, grid: Records[GridPoint]) -> float:
     """Return the load that the path is to be planned for [N].
 
     What rests is carried. So before the path begins, a slip at less than the weight there counts as one at the weight:
@@ -138,13 +141,13 @@ def load_to_plan(config: GovernorConfig, state: Governor, grid: PathGrid) -> flo
     """
     F = config.most_grip * min(state.contact.F_lo, config.margin * state.contact.F_median)
     if state.planned == 0:
-        at_start = math.sqrt(grid.points[cell(grid, state.s)].cc)
+        at_start = math.sqrt(grid[cell(grid, state.s)].cc)
         F = carried_weight(config, state, F, at_start / config.friction.kept)
     return with_weight(config, state, F)
 
 
 @part
-def plan(config: GovernorConfig, state: Governor, grid: PathGrid) -> None:
+def plan(config: GovernorConfig, state: Governor, grid: Records[GridPoint]) -> None:
     """Plan a path that has been sampled, and plan it again where the load that it may use has changed."""
     F = load_to_plan(config, state, grid)
     if state.planned == 1 and abs(F - state.asked) <= REPLAN * state.asked:
@@ -157,13 +160,13 @@ def plan(config: GovernorConfig, state: Governor, grid: PathGrid) -> None:
         state.planned = 1
         # The timing of a path that begins at rest need not.
         begins = state.s == 0.0 and config.mode != Governing.TIME_OPTIMAL
-        if begins and at_rest(grid.points[0], carries):
-            state.rate = math.sqrt(min(grid.points[0].K, grid.points[1].K))
+        if begins and at_rest(grid[0], carries):
+            state.rate = math.sqrt(min(grid[0].K, grid[1].K))
             steady(config, state)
 
 
 @part
-def stopping_load(config: GovernorConfig, state: Governor, grid: PathGrid, F: float) -> float:
+def stopping_load(config: GovernorConfig, state: Governor, grid: Records[GridPoint], F: float) -> float:
     """Plan for a load F [N], or the least above it under which the pad can stop on the path; return that load.
 
     Margin is given up first, and the reserve is margin too; the path's end is given up last.
@@ -185,9 +188,16 @@ def stopping_load(config: GovernorConfig, state: Governor, grid: PathGrid, F: fl
 
 
 @part
-def stops_with(config: GovernorConfig, state: Governor, grid: PathGrid, F: float, reserve: float) -> bool:
-    """Do the backward pass for a load F [N]; return whether the pad can stop on the path under it."""
-    backward_pass(grid, config.path_margin * F, reserve, config.mode != Governing.TIME_OPTIMAL)
+def stops_with(config: GovernorConfig, state: Governor, grid: Records[GridPoint], F: float, reserve: float) -> bool:
+    """Do the backward pass for a load F [N]; return whether the pad can stop on the path under it.
+
+    At the end sdot need not be 0 where the path itself ends at rest, unless it is time-optimal.
+    """
+    usable, end = config.path_margin * F, grid[GRID_POINTS - 1]
+    left = left_for_motion(usable, math.sqrt(end.cc), reserve)
+    free = config.mode != Governing.TIME_OPTIMAL and at_rest(end, left) and end.cc <= left * left
+    end.K = end.cap if free else 0.0
+    backward_pass(grid, usable, reserve)
     return bool(state.planned == 0 or state.rate * state.rate <= bound(grid, state.s)[0])
 
 
@@ -210,7 +220,7 @@ def allow(config: GovernorConfig, state: Governor) -> None:
 def run(
     config: GovernorConfig,
     state: Governor,
-    grid: PathGrid,
+    grid: Records[GridPoint],
     held: Held,
     point: Along,
     pad: Pad,
@@ -220,7 +230,7 @@ def run(
     """Plan where need be, and do a cycle's step on the path: writes out_s, out_rate, out_u, out_time.
 
     Args:
-        config, state, grid: GOVERNOR_CONFIG, GOVERNOR, PATH_GRID.
+        config, state, grid: GOVERNOR_CONFIG, GOVERNOR, points of the path.
         held: object on pad axes.
         point: the path at state.time, from `along`.
         pad: where it is, as seen from that point of the path.
@@ -235,7 +245,7 @@ def run(
         smooth(config, state, 0.0)
     else:
         K, ahead = bound(grid, state.s)[0], bound(grid, state.s + dt * state.rate)
-        most_led, last = math.sqrt(grid.points[cell(grid, state.s)].cap), state.end * (1.0 - 2.0 * ARRIVED_SHARE)
+        most_led, last = math.sqrt(grid[cell(grid, state.s)].cap), state.end * (1.0 - 2.0 * ARRIVED_SHARE)
         bounds = Bounds(K, ahead[0], ahead[1], most_rate, most_led, 0.0, last)
         follow(config, state, bounds, held, point, pad, dt)
         if state.s >= state.end * (1.0 - ARRIVED_SHARE):
@@ -282,7 +292,7 @@ def smooth(config: GovernorConfig, state: Governor, u: float) -> None:
 
 
 @part
-def time_at(state: Governor, grid: PathGrid, s: float) -> float:
+def time_at(state: Governor, grid: Records[GridPoint], s: float) -> float:
     """Return the user's time at s [s]; where the path is completed, its end."""
     return float(state.duration) if s >= state.end else path_time(grid, s)
 

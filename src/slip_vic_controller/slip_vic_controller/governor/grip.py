@@ -12,8 +12,8 @@ from __future__ import annotations
 import math
 
 from slip_core.compiled import part
-from slip_core.records import Real, Record, Whole
-from slip_vic_controller.governor.plan import GRID_POINTS, PathGrid
+from slip_core.records import Real, Record, Records, Whole
+from slip_vic_controller.governor.plan import GRID_POINTS, GridPoint
 
 
 class GripConfig(Record):
@@ -36,25 +36,25 @@ class Grip(Record):
 
 
 @part
-def load_ahead(grid: PathGrid, time: float, preview_s: float) -> float:
+def load_ahead(grid: Records[GridPoint], time: float, preview_s: float) -> float:
     """Return the largest load of the path as it is planned, from a time of it on [N].
 
     Args:
-        grid: PATH_GRID, planned.
+        grid: points of the path, planned.
         time: of the user's path, now [s].
         preview_s: how far ahead [s].
     """
     first = 0
-    while first < GRID_POINTS - 2 and grid.points[first + 1].time <= time:
+    while first < GRID_POINTS - 2 and grid[first + 1].time <= time:
         first += 1
     most = 0.0
     for i in range(first, GRID_POINTS):
-        point = grid.points[i]
+        point = grid[i]
         if i > first and point.time > time + preview_s:
             break
         x, u = point.K, 0.0
-        if i + 1 < GRID_POINTS and grid.points[i + 1].s > point.s:
-            u = 0.5 * (grid.points[i + 1].K - x) / (grid.points[i + 1].s - point.s)
+        if i + 1 < GRID_POINTS and grid[i + 1].s > point.s:
+            u = 0.5 * (grid[i + 1].K - x) / (grid[i + 1].s - point.s)
         square = (point.uu * u + 2.0 * (point.ux * x + point.uc)) * u + (point.xx * x + 2.0 * point.xc) * x + point.cc
         most = max(most, square)
     return math.sqrt(most)

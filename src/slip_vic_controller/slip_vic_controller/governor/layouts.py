@@ -32,6 +32,7 @@ class GovernorConfig(Record):
     most_grip: Real  # largest grip over the configured one
     most_speed: Real  # m/s, of the pad
     most_turning: Real  # rad/s
+    preview_s: Real  # s, how much later a stream is followed
     window: Whole  # cycles of the moving average
     led: Whole  # whether an object that slips leads the path; several arms keep to it
     friction: FrictionConfig

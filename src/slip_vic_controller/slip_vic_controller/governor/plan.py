@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from enum import IntEnum, unique
-from typing import Annotated, Final, NamedTuple
+from typing import Final, NamedTuple
 
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Records, dtype_of
@@ -64,13 +64,7 @@ class GridPoint(Record):
     K: Real  # largest sdot^2 from which the rest of the path can be run
 
 
-class PathGrid(Record):
-    """The sampled path."""
-
-    points: Annotated[Records[GridPoint], GRID_POINTS]
-
-
-GRID_POINT, PATH_GRID = dtype_of(GridPoint), dtype_of(PathGrid)
+GRID_POINT = dtype_of(GridPoint)
 
 
 class Along(NamedTuple):
@@ -159,12 +153,12 @@ def ratio(most: float, speed: float) -> float:
 
 
 @part
-def cell(grid: PathGrid, s: float) -> int:
-    """Return the point before s: i with s_i <= s < s_(i+1), held to the grid."""
-    low, high = 0, GRID_POINTS - 1
+def cell(points: Records[GridPoint], s: float) -> int:
+    """Return the point before s: i with s_i <= s < s_(i+1), held to the path."""
+    low, high = 0, len(points) - 1
     while high - low > 1:
         middle = (low + high) // 2
-        if grid.points[middle].s <= s:
+        if points[middle].s <= s:
             low = middle
         else:
             high = middle
@@ -172,10 +166,10 @@ def cell(grid: PathGrid, s: float) -> int:
 
 
 @part
-def path_time(grid: PathGrid, s: float) -> float:
+def path_time(points: Records[GridPoint], s: float) -> float:
     """Return the user's time [s] at s: the inverse of the cubic between two points."""
-    i = cell(grid, s)
-    a, b = grid.points[i], grid.points[i + 1]
+    i = cell(points, s)
+    a, b = points[i], points[i + 1]
     h, way = b.time - a.time, b.s - a.s
     if s <= a.s or way <= 0.0:
         return float(a.time)
@@ -200,10 +194,10 @@ def path_time(grid: PathGrid, s: float) -> float:
 
 
 @part
-def bound(grid: PathGrid, s: float) -> tuple[float, float]:
+def bound(points: Records[GridPoint], s: float) -> tuple[float, float]:
     """Return K and its slope dK/ds at s; between points K is linear, as x is under a constant u."""
-    i = cell(grid, s)
-    a, b = grid.points[i], grid.points[i + 1]
+    i = cell(points, s)
+    a, b = points[i], points[i + 1]
     way = b.s - a.s
     if way <= 0.0:
         return float(a.K), 0.0
@@ -315,20 +309,16 @@ def left_for_motion(F: float, weight: float, reserve: float) -> float:
 
 
 @part
-def backward_pass(grid: PathGrid, F: float, reserve: float, free_end: bool) -> None:
-    """Write K of every point, 0 where friction does not carry the weight.
+def backward_pass(points: Records[GridPoint], F: float, reserve: float) -> None:
+    """Write K of every point before the last, 0 where friction does not carry the weight.
 
     Args:
-        grid: PATH_GRID.
+        points: of a path or of a stream; K of the last is known.
         F: load that may be used [N].
         reserve: share of what the weight leaves of it that is not used.
-        free_end: whether sdot need not be 0 at the end of a path that itself ends at rest.
     """
-    last = len(grid.points) - 1
-    end = grid.points[last]
-    left = left_for_motion(F, math.sqrt(end.cc), reserve)
-    end.K = end.cap if free_end and at_rest(end, left) and end.cc <= left * left else 0.0
+    last = len(points) - 1
     for k in range(last):
-        point, after = grid.points[last - 1 - k], grid.points[last - k]
+        point, after = points[last - 1 - k], points[last - k]
         left = left_for_motion(F, math.sqrt(point.cc), reserve)
         point.K = max(most(point, left, after.s - point.s, after.K), 0.0)

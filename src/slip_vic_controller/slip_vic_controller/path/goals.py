@@ -12,6 +12,8 @@ from enum import IntEnum, unique
 from slip_core.compiled import part
 from slip_core.records import Mat3, Real, Record, Vec3, Whole, dtype_of
 from slip_core.vectors import Spatial, mat, put, put_mat, put_spatial, vec
+from slip_vic_controller.governor.layouts import GovernorConfig
+from slip_vic_controller.governor.plan import Governing
 from slip_vic_controller.law.rotation import logarithm
 from slip_vic_controller.path.paths import Path, PathKind, Reference, put_quintic, reference_at
 
@@ -37,14 +39,6 @@ class Refusal(IntEnum):
     TOO_FAST = 3
     TURNS_TOO_FAST = 4
     TOO_FAR = 5
-
-
-class GoalsConfig(Record):
-    """Whether goals are the reference, and the pad's largest speed where no governor keeps it, else 0."""
-
-    on: Whole
-    most_speed: Real  # m/s
-    most_turning: Real  # rad/s
 
 
 class Goal(Record):
@@ -115,21 +109,24 @@ def begin_goal(goal: Goal, now: Reference) -> None:
 
 
 @part
-def screen_goal(goals: GoalsConfig, goal: Goal, now: Reference, at_work: bool) -> None:
-    """Refuse a goal that waits and cannot be begun; now: where the reference is."""
+def screen_goal(limits: GovernorConfig, goal: Goal, now: Reference, at_work: bool) -> None:
+    """Refuse a goal that waits and cannot be begun; now: where the reference is.
+
+    The governor slows down what is too fast; without it such a goal is refused.
+    """
     if goal.pending == 0:
         return
     way, turn = (vec(goal.to_position) - now.position).norm(), mat(goal.to_rotation) @ now.rotation.T()
     speed, turning = PEAK * way / goal.duration, PEAK * logarithm(turn).norm() / goal.duration
-    why, value, limit = Refusal.NO.value, 0.0, 0.0
+    why, value, limit, kept = Refusal.NO.value, 0.0, 0.0, limits.mode != Governing.OFF
     if not at_work:
         why = Refusal.NOT_AT_WORK.value
     elif not way <= FARTHEST:
         why, value, limit = Refusal.TOO_FAR.value, way, FARTHEST
-    elif goals.most_speed > 0.0 and speed > goals.most_speed:
-        why, value, limit = Refusal.TOO_FAST.value, speed, float(goals.most_speed)
-    elif goals.most_turning > 0.0 and turning > goals.most_turning:
-        why, value, limit = Refusal.TURNS_TOO_FAST.value, turning, float(goals.most_turning)
+    elif not kept and speed > limits.most_speed:
+        why, value, limit = Refusal.TOO_FAST.value, speed, float(limits.most_speed)
+    elif not kept and turning > limits.most_turning:
+        why, value, limit = Refusal.TURNS_TOO_FAST.value, turning, float(limits.most_turning)
     if why != Refusal.NO:
         goal.pending, goal.refused, goal.refusal = 0, goal.received, why
         goal.where, goal.value, goal.limit = 0.0, value, limit

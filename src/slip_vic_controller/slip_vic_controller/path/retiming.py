@@ -16,7 +16,7 @@ from slip_core.vectors import NOTHING, ZERO, mat, spatial, vec
 from slip_vic_controller.governor import governor
 from slip_vic_controller.governor.layouts import GOVERNOR, GOVERNOR_CONFIG, PAD, GovernorConfig
 from slip_vic_controller.governor.load import ALONE, Held, size, weight
-from slip_vic_controller.governor.plan import GRID_POINTS, PATH_GRID, along, sample_time
+from slip_vic_controller.governor.plan import GRID_POINT, GRID_POINTS, along, sample_time
 from slip_vic_controller.governor.step import Pad
 from slip_vic_controller.path.paths import Reference
 
@@ -42,7 +42,7 @@ class Step(Record):
 
 
 HELD_OBJECT, STEP, MEMORY = dtype_of(HeldObject), dtype_of(Step), layout(
-    [("governor", GOVERNOR), ("grid", PATH_GRID), ("pad", PAD)]
+    [("governor", GOVERNOR), ("grid", GRID_POINT, GRID_POINTS), ("pad", PAD)]
 )  # fmt: skip
 
 

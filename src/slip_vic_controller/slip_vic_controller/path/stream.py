@@ -17,7 +17,16 @@ from slip_core.vectors import NOTHING, Mat, Spatial, Vec
 from slip_vic_controller.governor.governor import REPLAN
 from slip_vic_controller.governor.layouts import Governor
 from slip_vic_controller.governor.load import Held
-from slip_vic_controller.governor.plan import GridPoint, along_at, left_for_motion, most, take_point
+from slip_vic_controller.governor.plan import (
+    GridPoint,
+    along_at,
+    backward_pass,
+    bound,
+    cell,
+    left_for_motion,
+    most,
+    take_point,
+)
 from slip_vic_controller.law.arm import DesiredMotion
 from slip_vic_controller.law.rotation import (
     exponential,
@@ -31,16 +40,10 @@ from slip_vic_controller.sizes import NEVER
 
 STREAM_POINTS: Final = 64
 QUEUED: Final = 16
+SAMPLES_AHEAD: Final = 16
+"""Samples in the time by which a stream is followed later; closer ones are thinned."""
 LAX_S: Final = 1.0
 """Length of path assumed after the last sample: only the load of that sample limits its speed."""
-
-
-class StreamConfig(Record):
-    """How a stream of references is followed."""
-
-    on: Whole  # whether the reference is a governed stream
-    preview_s: Real  # s, how much later it is followed
-    spacing_s: Real  # s, samples that are closer are thinned
 
 
 class QueuedReference(Record):
@@ -56,9 +59,8 @@ class Stream(Record):
     queued: Whole
     queue: Annotated[Records[QueuedReference], QUEUED]  # since the last cycle
     count: Whole
-    fresh: Whole  # the first point whose load is not known yet
     first_ns: Whole  # when the stream's time is 0
-    load: Real  # N, that the pass was made for
+    load: Real  # N, that the pass was made for; negative where a sample has come since
     rests: DesiredMotion  # the pose while there is nothing to follow
     samples: Annotated[Records[DesiredMotion], STREAM_POINTS]
     points: Annotated[Records[GridPoint], STREAM_POINTS]
@@ -71,19 +73,23 @@ STREAM = dtype_of(Stream)
 def rest_stream(stream: Stream, position: Vec, rotation: Mat) -> None:
     """Discard all samples, and rest at a pose [m] {w}."""
     put_reference(stream.rests, Reference(position, rotation, NOTHING, NOTHING))
-    stream.count, stream.fresh, stream.first_ns = 0, 0, NEVER
+    stream.count, stream.first_ns = 0, NEVER
 
 
 @part
-def take_queued(config: StreamConfig, stream: Stream, state: Governor, now_ns: int) -> bool:
+def take_queued(
+    stream: Stream, state: Governor, held: Held, limits: tuple[float, float, float], preview_s: float, now_ns: int
+) -> bool:
     """Add the samples received since the last cycle to the path; return whether a new path begins.
 
     A sample without a stamp has that of the cycle. Where the pad rests with nothing to follow, it reaches the first
     sample after `preview_s` of the stream's time.
 
     Args:
-        config, stream: limits of the stream, and its state.
+        stream: changed.
         state: GOVERNOR; its time is set where the path begins.
+        held, limits: as in `take_point`.
+        preview_s: how much later the stream is followed [s].
         now_ns: stamp of the cycle.
     """
     begins = False
@@ -98,21 +104,31 @@ def take_queued(config: StreamConfig, stream: Stream, state: Governor, now_ns: i
         if n == 0 or waits:
             if waits:
                 put_reference(stream.rests, standing(at(stream, state.time)))
-            stream.samples[0] = stream.rests
-            stream.points[0].time = time - config.preview_s
-            stream.samples[1] = item.reference
-            stream.points[1].time = time
-            stream.count, stream.fresh = 2, 0
-            state.time = state.s = time - config.preview_s
+            put_sample(stream, 0, time - preview_s, stream.rests, held, limits)
+            put_sample(stream, 1, time, item.reference, held, limits)
+            state.time = state.s = time - preview_s
             state.rate, begins = 0.0, True
         elif time > stream.points[n - 1].time:
-            close = stream.points[n - 1].time - stream.points[n - 2].time < config.spacing_s
-            i = n - 1 if close or n == STREAM_POINTS else n
-            stream.samples[i] = item.reference
-            stream.points[i].time = time
-            stream.count, stream.fresh = i + 1, min(stream.fresh, i)
+            close = stream.points[n - 1].time - stream.points[n - 2].time < preview_s / SAMPLES_AHEAD
+            put_sample(stream, n - 1 if close or n == STREAM_POINTS else n, time, item.reference, held, limits)
     stream.queued = 0
     return begins
+
+
+@part
+def put_sample(
+    stream: Stream, i: int, time: float, sample: DesiredMotion, held: Held, limits: tuple[float, float, float]
+) -> None:
+    """Write the last sample of the path, which is number i; its s is the time. Arguments as in `take_point`."""
+    stream.samples[i] = sample
+    take_point(stream.points, i, time, along_at(read_reference(sample), 1.0, 0.0), held, limits)
+    stream.points[i].s, stream.count, stream.load = time, i + 1, -1.0
+
+
+@part
+def received(stream: Stream) -> Records[GridPoint]:
+    """Return the points of the samples received and not yet followed."""
+    return stream.points[: stream.count]  # type: ignore[index, return-value]
 
 
 @part
@@ -123,51 +139,24 @@ def drop_passed(stream: Stream, time: float) -> None:
             stream.samples[i] = stream.samples[i + 1]
             stream.points[i] = stream.points[i + 1]
         stream.count -= 1
-        stream.fresh = max(stream.fresh - 1, 0)
 
 
 @part
-def plan_stream(
-    stream: Stream,
-    held: Held,
-    limits: tuple[float, float, float],
-    F: float,
-    reserve: float,
-) -> None:
-    """Find how fast each point may be passed; F, reserve: as in `backward_pass`. Other arguments as in `take_point`."""
-    n = stream.count
-    again = abs(F - stream.load) > REPLAN * stream.load
-    first = stream.fresh
-    for i in range(first, n):
-        along = along_at(read_reference(stream.samples[i]), 1.0, 0.0)
-        take_point(stream.points, i, stream.points[i].time, along, held, limits)
-    if first >= n and not again:
+def plan_stream(stream: Stream, F: float, reserve: float) -> None:
+    """Find how fast each point may be passed, where that has changed; F, reserve: as in `backward_pass`."""
+    if abs(F - stream.load) <= REPLAN * stream.load:
         return
-    stream.load, stream.fresh = F, n
-    last = stream.points[n - 1]
+    stream.load, last = F, stream.points[stream.count - 1]
     last.K = max(most(last, left_for_motion(F, math.sqrt(last.cc), reserve), LAX_S, last.cap), 0.0)
-    for k in range(1, n):
-        i = n - 1 - k
-        point, after = stream.points[i], stream.points[i + 1]
-        left = left_for_motion(F, math.sqrt(point.cc), reserve)
-        K = max(most(point, left, after.time - point.time, after.K), 0.0)
-        if K == point.K and i < first and not again:
-            break
-        point.K = K
+    backward_pass(received(stream), F, reserve)
 
 
 @part
 def stream_bound(stream: Stream, time: float) -> tuple[float, float]:
     """Return K and its slope at a time of the stream; beyond its end the pad must stop."""
-    n = stream.count
-    if time >= stream.points[n - 1].time:
+    if time >= stream.points[stream.count - 1].time:
         return 0.0, 0.0
-    i = 0
-    while i < n - 2 and stream.points[i + 1].time <= time:
-        i += 1
-    a, b = stream.points[i], stream.points[i + 1]
-    slope = (b.K - a.K) / (b.time - a.time)
-    return float(a.K + slope * max(time - a.time, 0.0)), float(slope)
+    return bound(received(stream), time)
 
 
 @part
@@ -181,9 +170,7 @@ def at(stream: Stream, time: float) -> Reference:
         end = read_reference(stream.samples[n - 1])
         turned = exponential((time - last) * end.twist.angular) @ end.rotation
         return Reference(end.position + (time - last) * end.twist.linear, turned, end.twist, 0.0 * end.twist)
-    i = 0
-    while i < n - 2 and stream.points[i + 1].time <= time:
-        i += 1
+    i = cell(received(stream), time)
     begin, end = read_reference(stream.samples[i]), read_reference(stream.samples[i + 1])
     h, t = stream.points[i + 1].time - stream.points[i].time, time - stream.points[i].time
     phi = logarithm(end.rotation @ begin.rotation.T())
