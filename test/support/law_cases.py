@@ -10,18 +10,19 @@ import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.records import Record, Records, dtype_of, new, place, record
-from slip_vic.law import GIVEN, MEMORY
+from slip_vic.law import GIVEN
 from slip_vic_controller.contact.layouts import MOTION
 from slip_vic_controller.law.arm import ARM, Pose
 from slip_vic_controller.law.attitude import Coordinates
 from slip_vic_controller.law.config import LAW_CONFIG
-from slip_vic_controller.law.contact import ContactSample, integrate_slips
+from slip_vic_controller.law.contact import ContactSample
+from slip_vic_controller.law.evaluation import EVALUATION
 from slip_vic_controller.law.gains import LAW_GAINS
-from slip_vic_controller.law.law import EVALUATION, evaluate, predict_motion, scale_acceleration
+from slip_vic_controller.law.law import evaluate, predict_motion, scale_acceleration
+from slip_vic_controller.law.object import integrate_slips
 from slip_vic_controller.law.symbols import SLIP_ESTIMATE, SYMBOLS, published, symbols
 from slip_vic_controller.path import paths
 from slip_vic_controller.path.paths import PATH, REFERENCE
-from slip_vic_controller.safety.validation import JOINT_SAMPLE
 from slip_vic_controller.sizes import MAX_CONTACTS
 from test.referees.law_referee import RefereeInput, exponential
 from test.support.call import call
@@ -83,19 +84,16 @@ class Case:
 
     def evaluate(self, factor: float | None = None) -> Any:
         """Return the EVALUATION record; its buffer is `evaluation`. `factor`: of the acceleration that is commanded."""
-        given, memory, sample = (new(layout) for layout in (GIVEN, MEMORY, JOINT_SAMPLE))
+        given = new(GIVEN)
         config, gains, arm, samples, slips, reference = self.buffers
         buffers = {"gains": gains, "samples": samples, "slips": slips, "reference": reference}
         buffers["follow_error"] = self.follow_error
         for name, buffer in buffers.items():
             given[place(GIVEN, name)] = buffer
-        memory[: self.joints], memory[place(MEMORY, "e_previous")] = self.posture, self.previous
-        state = record(sample, JOINT_SAMPLE)
-        state.position[: self.joints], state.velocity[: self.joints] = self.q, self.qd
-        memory, given_record = record(memory, MEMORY), record(given, GIVEN)
-        call(evaluate, config, arm, state, memory, given_record)
+        given_record = record(given, GIVEN)
+        call(evaluate, config, arm, self.q, self.qd, self.posture, self.previous, given_record)
         if factor is not None:
-            call(scale_acceleration, config, arm, state, memory, factor, given_record)
+            call(scale_acceleration, config, arm, self.q, self.qd, self.posture, factor, given_record)
         self.evaluation = given[place(GIVEN, "law")]
         return record(self.evaluation, EVALUATION)
 

@@ -12,6 +12,15 @@ LARGEST = 1e154
 
 
 @part
+def all_finite(values: Array) -> bool:
+    """Return whether all numbers (k,) are finite and not beyond LARGEST."""
+    for x in values:  # noqa: SIM110 - compiled code has no generators
+        if not abs(x) <= LARGEST:
+            return False
+    return True
+
+
+@part
 def cholesky(A: Array, L: Array) -> bool:
     """Write the lower factor of a symmetric positive definite A to `L`; False where it is not; (n, n)."""
     n = A.shape[0]

@@ -15,15 +15,14 @@ from slip_vic_controller.law.arm import ARM, POSE
 from slip_vic_controller.law.attitude import Coordinates
 from slip_vic_controller.law.config import LAW_CONFIG
 from slip_vic_controller.law.contact import CONTACT_SAMPLE
+from slip_vic_controller.law.evaluation import EVALUATION
 from slip_vic_controller.law.gains import LAW_GAINS
-from slip_vic_controller.law.law import EVALUATION, evaluate
+from slip_vic_controller.law.law import evaluate
 from slip_vic_controller.path.paths import REFERENCE
-from slip_vic_controller.safety.validation import JOINT_SAMPLE
 from slip_vic_controller.sizes import MAX_CONTACTS, MAX_JOINTS
 
 EVERYTHING: Final = (1.0,) * 6
 GRAVITY: Final = (0.0, 0.0, -9.81)
-MEMORY = layout([("posture", "f8", MAX_JOINTS), ("e_previous", "f8", 3)])
 GIVEN = layout([
     ("gains", LAW_GAINS), ("samples", CONTACT_SAMPLE, MAX_CONTACTS), ("slips", POSE, MAX_CONTACTS),
     ("reference", REFERENCE), ("follow_error", "f8", 6), ("law", EVALUATION),
@@ -116,13 +115,11 @@ def evaluate_law(
 
     Implements: Eq. (21), (28), (29).
     """
-    q = np.asarray(q, dtype=float)
+    q = np.array(q, dtype=float)
     n = len(q)
     if not 1 <= n <= MAX_JOINTS:
         raise InputError("q", got=f"{n} joints", expected=f"1 to {MAX_JOINTS}")
-    config, arm, joints, memory, given = (
-        record(new(kind), kind) for kind in (LAW_CONFIG, ARM, JOINT_SAMPLE, MEMORY, GIVEN)
-    )
+    config, arm, given = (record(new(kind), kind) for kind in (LAW_CONFIG, ARM, GIVEN))
     try:
         config.joints, config.contacts, config.attitude = n, 1, Coordinates.LOG.value
         config.radius, config.effort_limit[:n] = 1.0, np.inf
@@ -131,7 +128,8 @@ def evaluate_law(
         contact.rotation[:] = np.eye(3) if grasp_rotation is None else grasp_rotation
         arm.position[:], arm.rotation[:], arm.jdot_qd[:] = position, rotation, jdot_qd
         arm.J[:, :n], arm.M[:n, :n], arm.bias[:n] = J, M, bias
-        arm.twist[:] = arm.J[:, :n] @ np.asarray(qd, dtype=float)
+        velocity = np.array(qd, dtype=float)
+        arm.twist[:] = arm.J[:, :n] @ velocity
         gains, body = given.gains.gains, given.gains.object
         gains.K_D[:], gains.D_D[:], gains.M_D[:] = stiffness, damping, desired_inertia
         gains.gamma_k[:], gains.gamma_d[:] = gamma_k, gamma_d
@@ -148,11 +146,9 @@ def evaluate_law(
         reference = given.reference
         reference.position[:], reference.rotation[:] = desired_position, desired_rotation
         reference.twist[:], reference.acceleration[:] = desired_twist, desired_acceleration
-        joints.position[:n], joints.velocity[:n] = q, qd
-        memory.posture[:n] = q
     except ValueError as error:
         raise InputError("evaluate_law", got=str(error), expected="the shapes that its docstring names") from None
-    evaluate(config, arm, joints, memory, given)
+    evaluate(config, arm, q, velocity, q, np.zeros(3), given)
     law = given.law
     if not law.ok:
         raise InputError("evaluate_law", got="numbers that give no finite effort", expected="finite numbers, M > 0")

@@ -17,9 +17,9 @@ from slip_vic_controller.interfaces import WrenchSensor
 from slip_vic_controller.law.arm import Arm, DesiredMotion, Pose
 from slip_vic_controller.law.config import LawConfig
 from slip_vic_controller.law.contact import ContactSample
+from slip_vic_controller.law.evaluation import Evaluation
 from slip_vic_controller.law.extensions import CompensationState
 from slip_vic_controller.law.gains import LawGains, Ramp
-from slip_vic_controller.law.law import Evaluation
 from slip_vic_controller.law.symbols import SlipEstimate
 from slip_vic_controller.path.goals import Goal
 from slip_vic_controller.path.path_scaling import PathScaling

@@ -6,9 +6,10 @@ from scipy.spatial.transform import Rotation
 from slip_core.records import new, record
 from slip_core.vectors import mat, spatial, vec
 from slip_vic_controller.governor.guard import guard_factor
-from slip_vic_controller.governor.load import ALONE, Held, Shared, at_contact, load, size
+from slip_vic_controller.governor.load import ALONE, Held, at_contact, load, size
 from slip_vic_controller.law.arm import POSE
 from slip_vic_controller.law.contact import CONTACT, contact_arm, pad_rotation
+from slip_vic_controller.law.internal import Sharing
 from test.referees.governor_paths import skew
 
 SEED, CASES = 5, 60
@@ -91,7 +92,7 @@ def test_shared_load_bounds_every_pad() -> None:
         d = places - middle
         A = 2 * rho**2 * np.eye(3) + sum(x @ x * np.eye(3) - np.outer(x, x) for x in d)
         arm = float(np.hypot(np.linalg.norm(d[0]), rho))
-        shared = Shared(2, vec(middle), mat(np.linalg.inv(A)), arm * rho)
+        shared = Sharing(2, vec(middle), vec(np.zeros(3)), mat(np.linalg.inv(A)), arm * rho)
         held = Held(1.0, mat(np.eye(3)), vec(places[0]), weights, vec(np.zeros(3)), shared)
         force, torque = rng.normal(size=3), 0.1 * rng.normal(size=3)
         bound = size(at_contact(held, vec(force), vec(torque)))

@@ -74,7 +74,7 @@ def check_response(attitude: int) -> None:
         assert not found.near_singular_attitude
         assert not found.saturated_joints
         arm = case.arm
-        torque = found.effort[:7] + arm.J[:, :7].T @ found.torque.h_ee - arm.bias[:7]
+        torque = found.effort[:7] + arm.J[:, :7].T @ found.h_ee - arm.bias[:7]
         return found, np.linalg.solve(arm.M[:7, :7], torque)
 
     x, h = np.concatenate((q, qd)), 0.005

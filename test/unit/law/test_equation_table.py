@@ -6,7 +6,7 @@ import ast
 import re
 from pathlib import Path
 
-from slip_vic_controller.law.law import EVALUATION
+from slip_vic_controller.law.evaluation import EVALUATION
 
 ROOT = Path(__file__).parents[3]
 PACKAGE = ROOT / "src" / "slip_vic_controller" / "slip_vic_controller"

@@ -66,10 +66,10 @@ def assert_equal(case: Case) -> dict[str, Any]:
     for name in torques:
         got = [symbols[f"{name}_{j + 1}"] for j in range(n)]
         np.testing.assert_allclose(got, expected[name], rtol=0.0, atol=TORQUE * largest, err_msg=name)
-    np.testing.assert_allclose(found.torque.tau[:n], expected["tau"], rtol=0.0, atol=TORQUE * largest)
+    np.testing.assert_allclose(found.tau[:n], expected["tau"], rtol=0.0, atol=TORQUE * largest)
     limit = case.config.effort_limit[:n]
-    assert (found.effort[:n] == np.clip(found.torque.tau[:n], -limit, limit)).all()
-    assert (found.saturated[:n] == (np.abs(found.torque.tau[:n]) > limit)).all()
+    assert (found.effort[:n] == np.clip(found.tau[:n], -limit, limit)).all()
+    assert (found.saturated[:n] == (np.abs(found.tau[:n]) > limit)).all()
     assert found.saturated_joints == found.saturated[:n].sum()
     internal = np.kron(np.eye(2), case.arm.rotation.T) @ expected["h_int"] if case.contacts > 1 else np.zeros(6)
     np.testing.assert_allclose(found.h_int, internal, rtol=0.0, atol=REFEREE * scale)
@@ -125,9 +125,9 @@ def test_classical_is_the_law_with_gate_and_fading_off() -> None:
     moving = case.evaluate().copy()
     assert moving.gate == 0.0
     assert (moving.K == case.gains.gains.K_D).all()
-    torque = moving.torque.tau.copy()
+    torque = moving.tau.copy()
     case.samples[0].slip_twist[:] = 0.0
-    assert (case.evaluate().torque.tau == torque).all()
+    assert (case.evaluate().tau == torque).all()
 
 
 @pytest.mark.parametrize("number", [math.nan, math.inf, 1e200])
@@ -156,12 +156,12 @@ def test_a_negative_mass_matrix_is_reported() -> None:
 
 def test_unused_joints_and_contacts_change_nothing() -> None:
     case = random_case(4, joints=6, contacts=2)
-    before = np.array(case.evaluate().torque.tau)
+    before = np.array(case.evaluate().tau)
     case.arm.J[:, 6:], case.arm.M[6:], case.arm.bias[6:] = 7.0, 7.0, 7.0
     case.samples[2].wrench[:] = case.config.contact[3].position[:] = math.nan
     after = case.evaluate()
     assert after.ok
-    assert (after.torque.tau[:6] == before[:6]).all()
+    assert (after.tau[:6] == before[:6]).all()
 
 
 @pytest.mark.parametrize("contacts", [1, 3])
@@ -251,7 +251,7 @@ def test_what_is_ok_is_finite_and_limited() -> None:
         found = case.evaluate()
         good += found.ok
         if found.ok:
-            assert np.isfinite(found.torque.tau).all()
+            assert np.isfinite(found.tau).all()
             assert (np.abs(found.effort) <= case.config.effort_limit).all()
             assert np.isfinite(found.e).all()
     assert 40 < good < 390

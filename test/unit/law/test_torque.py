@@ -6,11 +6,7 @@ import numpy as np
 import pytest
 
 from slip_vic_controller.arm.robot import Robot
-from slip_vic_controller.law.torque import (
-    singularity_damping,
-    smallest_singular_value,
-    smallest_singular_value_below,
-)
+from slip_vic_controller.law.torque import singularity_damping, smallest_singular_value
 from test.support.call import call
 from test.support.law_cases import Case, random_case
 from test.support.small_arm import HOME, JOINT_NAMES, small_arm_urdf
@@ -41,8 +37,8 @@ def test_torque_gives_the_commanded_acceleration() -> None:
         found, arm = case.evaluate(), case.arm
         assert found.ok
         assert found.damping_squared == 0.0
-        M, J, bias, tau = arm.M[:7, :7], arm.J[:, :7], arm.bias[:7], found.torque.tau[:7]
-        qdd = np.linalg.inv(M) @ (tau + J.T @ found.torque.h_ee - bias)
+        M, J, bias, tau = arm.M[:7, :7], arm.J[:, :7], arm.bias[:7], found.tau[:7]
+        qdd = np.linalg.inv(M) @ (tau + J.T @ found.h_ee - bias)
         scale = np.abs(found.a_C).max()
         np.testing.assert_allclose(J @ qdd + arm.jdot_qd, found.a_C, atol=ROUNDING * scale)
         task, null = parts_of(case)
@@ -58,8 +54,8 @@ def test_six_joints_give_the_printed_form(seed: int) -> None:
         found, arm, n = case.evaluate(), case.arm, joints
         J, inverse = arm.J[:, :n], np.linalg.pinv(arm.J[:, :n])
         B_x = inverse.T @ arm.M[:n, :n] @ inverse
-        u = inverse.T @ arm.bias[:n] - found.torque.h_ee + B_x @ (found.a_C - arm.jdot_qd)
-        difference = np.abs(J.T @ u - found.torque.tau[:n]).max() / np.abs(found.torque.tau[:n]).max()
+        u = inverse.T @ arm.bias[:n] - found.h_ee + B_x @ (found.a_C - arm.jdot_qd)
+        difference = np.abs(J.T @ u - found.tau[:n]).max() / np.abs(found.tau[:n]).max()
         assert difference < 1e-8 if joints == 6 else difference > 0.01
 
 
@@ -93,13 +89,13 @@ def test_smallest_singular_value_equals_svd() -> None:
     for seed in range(5):
         J = np.random.default_rng(seed).normal(size=(6, 7))
         sigma = np.linalg.svd(J)[1][-1]
-        assert call(smallest_singular_value, J) == pytest.approx(sigma, rel=1e-9)
-        assert call(smallest_singular_value_below, J, 10.0) == pytest.approx(sigma, rel=1e-9)
-        assert call(smallest_singular_value_below, J, 0.5 * sigma) == 0.5 * sigma
+        assert call(smallest_singular_value, J, np.inf) == pytest.approx(sigma, rel=1e-9)
+        assert call(smallest_singular_value, J, 1.1 * sigma) == pytest.approx(sigma, rel=1e-9)
+        assert call(smallest_singular_value, J, 0.5 * sigma) == 0.5 * sigma
         u, values, v = np.linalg.svd(J, full_matrices=False)
         values[-1] = 1e-6
         # the root of a difference near zero: 1e-16 of J J^T is 1e-8 of sigma
-        assert call(smallest_singular_value_below, (u * values) @ v, 0.1) == pytest.approx(1e-6, abs=1e-7)
+        assert call(smallest_singular_value, (u * values) @ v, 0.1) == pytest.approx(1e-6, abs=1e-7)
 
 
 def test_damping_is_zero_above_and_grows_smoothly_below() -> None:
@@ -121,5 +117,5 @@ def test_singular_posture_gives_bounded_torque() -> None:
     assert case.symbols()["sigma_min"] < 0.04
     assert found.damping_squared > 0.0
     assert found.near_singular_arm
-    asked = np.abs(found.a_C - case.arm.jdot_qd).max() + np.abs(found.torque.h_ee).max() + 10.0
-    assert np.abs(found.torque.tau[:7] - case.arm.bias[:7]).max() < 500.0 * asked
+    asked = np.abs(found.a_C - case.arm.jdot_qd).max() + np.abs(found.h_ee).max() + 10.0
+    assert np.abs(found.tau[:7] - case.arm.bias[:7]).max() < 500.0 * asked

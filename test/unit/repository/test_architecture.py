@@ -89,6 +89,7 @@ OWN = {  # layers inside a package: what of the own package a part may import
             "contact.estimate",
             "contact.friction_estimate",
             "contact.wrench_evidence",
+            "law.internal",
             "law.rotation",
             "path.path_scaling",
             "path.paths",

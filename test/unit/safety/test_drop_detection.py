@@ -7,7 +7,7 @@ import pytest
 
 from slip_core.records import new, record
 from slip_vic_controller.law.arm import ARM
-from slip_vic_controller.law.law import EVALUATION
+from slip_vic_controller.law.evaluation import EVALUATION
 from slip_vic_controller.path.paths import REFERENCE
 from slip_vic_controller.safety.drop_detection import DROP_DETECTION, OBSERVED, observe_motion
 from test.support.call import call

@@ -5,7 +5,7 @@ import pytest
 
 from slip_core.records import new, record
 from slip_vic_controller.law.arm import ARM
-from slip_vic_controller.law.law import EVALUATION
+from slip_vic_controller.law.evaluation import EVALUATION
 from slip_vic_controller.safety.conditions import NOTHING, Why, describe
 from slip_vic_controller.safety.following import FAR, FAR_TURNED, RESTS, rests_far_off, what_keeps
 from test.support.call import call

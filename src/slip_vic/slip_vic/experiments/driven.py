@@ -31,7 +31,8 @@ from slip_vic_controller.arm.command import (
     start_motion,
 )
 from slip_vic_controller.law.contact import CONTACT_SAMPLE, ContactSample
-from slip_vic_controller.law.torque import TORQUE, Torque, joint_torque
+from slip_vic_controller.law.evaluation import EVALUATION, Evaluation
+from slip_vic_controller.law.torque import joint_torque
 from slip_vic_controller.params.node_params import ControllerNodeParams
 from slip_vic_controller.path.joint_path import PadMotion
 from slip_vic_controller.path.paths import reference_at
@@ -171,7 +172,7 @@ class _Arm:
         )
         self.limiter: EffortLimiter = record(new(LIMITER), LIMITER)
         self._motion: MotionCommand = record(new(MOTION_COMMAND), MOTION_COMMAND)
-        self._torque: Torque = record(new(TORQUE), TORQUE)
+        self._law: Evaluation = record(new(EVALUATION), EVALUATION)
         self._samples: Records[ContactSample] = records(new(CONTACT_SAMPLE), CONTACT_SAMPLE)
         self._posture: Array | None = None
         self._slip, self._wrench, self._start_ns = np.zeros(6), np.zeros(6), -1
@@ -242,7 +243,7 @@ class _Arm:
             wanted = self.torque(result, numbers("Pad.acceleration", answer.acceleration, 6))
         else:
             wanted, R = numbers("Effort.effort", answer.effort, self.joints), result.arm.rotation
-            self._torque.h_ee[:] = np.concatenate((R @ self._wrench[:3], R @ self._wrench[3:]))
+            self._law.h_ee[:] = np.concatenate((R @ self._wrench[:3], R @ self._wrench[3:]))
         if interface == Interface.EFFORT:
             return JointCommand(stamp_ns, self.limited(wanted, tick, k))
         self._move(wanted, result)
@@ -254,7 +255,7 @@ class _Arm:
         if self._motion.started == 0:
             start_motion(self.config.command, self._motion, result.joint.position, result.joint.velocity)
         arm, qdd, limited = result.arm, np.zeros(self.joints), np.zeros(self.joints, np.int64)
-        if not joint_acceleration(self.joints, arm.M, arm.bias, arm.J, self._torque.h_ee, tau, qdd):
+        if not joint_acceleration(self.joints, arm.M, arm.bias, arm.J, self._law.h_ee, tau, qdd):
             raise LawError("no finite acceleration of the joints at this posture")
         advance_motion(self.config.command, self._motion, qdd, result.joint.velocity, self._period_s, limited)
 
@@ -269,9 +270,9 @@ class _Arm:
             self._posture = q.copy()
         self._samples[0].wrench[:] = self._wrench
         solved, _ = joint_torque(
-            self.config.law, result.arm, spatial(acceleration), self._samples, q, qd, self._posture, self._torque
+            self.config.law, result.arm, spatial(acceleration), self._samples, q, qd, self._posture, self._law
         )
-        effort = np.array(self._torque.tau[: self.joints])
+        effort = np.array(self._law.tau[: self.joints])
         if not solved or not np.isfinite(effort).all():
             raise LawError("Pad.acceleration gives no finite effort at this posture")
         return effort

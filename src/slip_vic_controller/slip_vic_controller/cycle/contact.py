@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.records import Records
@@ -22,7 +20,7 @@ from slip_vic_controller.contact.wrench_evidence import compare_directions, lack
 from slip_vic_controller.governor import governor
 from slip_vic_controller.governor.grip import follow_load, load_ahead
 from slip_vic_controller.governor.layouts import GovernorConfig
-from slip_vic_controller.governor.load import ALONE, Held, Shared, load, size, weight
+from slip_vic_controller.governor.load import ALONE, Held, load, size, weight
 from slip_vic_controller.law.arm import Arm
 from slip_vic_controller.law.contact import contact_arm, pad_rotation
 from slip_vic_controller.law.gains import LawGains
@@ -34,11 +32,8 @@ from slip_vic_controller.state import ArmState, ControllerConfig, CycleOutputs, 
 @part
 def held(config: ControllerConfig, state: ArmState, gains: LawGains) -> Held:
     """Return the object as the own pad holds it."""
-    limits, contact, slip, shared = config.governor, config.law.contact[0], state.law.slips[0], ALONE
-    if config.law.contacts > 1:
-        with_others, rho = sharing(config.law, gains, state.law.slips), limits.radius
-        reach = math.sqrt(with_others.longest * with_others.longest + rho * rho) * rho
-        shared = Shared(with_others.contacts, with_others.middle, with_others.inverse, reach)
+    limits, contact, slip = config.governor, config.law.contact[0], state.law.slips[0]
+    shared = sharing(config.law, gains, state.law.slips) if config.law.contacts > 1 else ALONE
     pad = pad_rotation(contact, slip)
     inertia = pad.T() @ (mat(gains.object.inertia) @ pad)
     r = contact_arm(pad, vec(gains.contact_position), contact, slip)

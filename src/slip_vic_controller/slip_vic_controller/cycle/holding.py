@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from slip_core.cholesky import all_finite
 from slip_core.compiled import part
 from slip_core.vectors import mat
 from slip_vic_controller.arm.estimator import stay_blind
@@ -23,7 +24,7 @@ from slip_vic_controller.safety.effort_limiter import go_on
 from slip_vic_controller.safety.hold import begin_posture, carry_load, hold_effort, keep_posture, update_load_error
 from slip_vic_controller.safety.latency import forget_latency
 from slip_vic_controller.safety.modes import Mode, Request, holds_for, next_mode
-from slip_vic_controller.safety.validation import all_finite, fine, frozen
+from slip_vic_controller.safety.validation import fine, frozen
 from slip_vic_controller.sizes import MAX_JOINTS, NEVER
 from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs, CycleOutputs, TaskState
 

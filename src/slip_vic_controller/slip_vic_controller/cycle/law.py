@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from slip_core.cholesky import all_finite
 from slip_core.compiled import part
 from slip_vic_controller.arm.command import Interface
 from slip_vic_controller.cycle.contact import held
@@ -13,13 +14,12 @@ from slip_vic_controller.cycle.limit import finish
 from slip_vic_controller.cycle.sensing import put_twist_of_joints
 from slip_vic_controller.cycle.wrench import put_own_wrench
 from slip_vic_controller.governor.plan import Governing
-from slip_vic_controller.law.law import evaluate, scale_acceleration
+from slip_vic_controller.law.law import evaluate, finite_pose, scale_acceleration
 from slip_vic_controller.path.path_scaling import scaled
 from slip_vic_controller.path.paths import carried, put_reference, read_reference, reference_at
 from slip_vic_controller.safety.conditions import NOTHING, Reason, because, see
 from slip_vic_controller.safety.drop_detection import observe_motion
 from slip_vic_controller.safety.following import rests_far_off, what_keeps
-from slip_vic_controller.safety.validation import all_finite
 from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs, CycleOutputs, TaskState
 
 
@@ -49,13 +49,13 @@ def command(
     config: ControllerConfig, task: TaskState, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, lead: bool
 ) -> int:
     """Evaluate the law on what `sense` has found; return why it could not be, Reason.NONE where it could."""
-    law, sample = state.law, state.joint.answers
+    law, q, qd = state.law, state.joint.answers.position, state.joint.answers.velocity
     if not _reference(config, task, state, outputs, lead):
         return Reason.BAD_REFERENCE.value
-    evaluate(config.law, inputs.arm, sample, law, outputs)
+    evaluate(config.law, inputs.arm, q, qd, law.posture, law.e_previous, outputs)
     factor = guard(config, task, state, inputs.arm, outputs, held(config, state, outputs.gains))
     if factor < 1.0 and outputs.law.ok != 0:
-        scale_acceleration(config.law, inputs.arm, sample, law, factor, outputs)
+        scale_acceleration(config.law, inputs.arm, q, qd, law.posture, factor, outputs)
     outputs.evaluated = outputs.law.ok
     return Reason.NONE.value if outputs.law.ok != 0 else Reason.NO_TORQUE.value
 
@@ -86,11 +86,8 @@ def _reference(config: ControllerConfig, task: TaskState, state: ArmState, outpu
     put_reference(outputs.reference, desired)
     if lead:
         task.desired = outputs.reference
-    finite = all_finite(outputs.reference.position) and all_finite(outputs.reference.twist)
-    finite = finite and all_finite(outputs.reference.acceleration)
-    for k in range(3):
-        finite = finite and all_finite(outputs.reference.rotation[k])
-    return finite
+    finite = all_finite(outputs.reference.twist) and all_finite(outputs.reference.acceleration)
+    return finite and finite_pose(outputs.reference.position, outputs.reference.rotation)
 
 
 @part

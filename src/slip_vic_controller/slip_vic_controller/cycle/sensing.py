@@ -17,10 +17,11 @@ from slip_vic_controller.cycle.contact import estimate_contact
 from slip_vic_controller.cycle.wrench import own_wrench
 from slip_vic_controller.governor.plan import Governing
 from slip_vic_controller.law.bounds import internal_gain_limit
-from slip_vic_controller.law.contact import integrate_slips, slip_velocity
+from slip_vic_controller.law.contact import slip_velocity
 from slip_vic_controller.law.extensions import judge_compensation, slip_speed
 from slip_vic_controller.law.gains import gains_at
 from slip_vic_controller.law.law import predict_motion
+from slip_vic_controller.law.object import integrate_slips
 from slip_vic_controller.law.symbols import SlipEstimate
 from slip_vic_controller.safety.conditions import Reason
 from slip_vic_controller.sizes import NEVER

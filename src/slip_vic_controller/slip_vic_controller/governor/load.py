@@ -17,22 +17,9 @@ from typing import Final, NamedTuple
 
 from slip_core.compiled import part
 from slip_core.vectors import ZERO, Mat, Spatial, Vec
+from slip_vic_controller.law.internal import Sharing
 
-
-class Shared(NamedTuple):
-    """How several pads with one normal share a wrench, in the metric of the limit surface; on pad axes.
-
-    contacts: how many; middle: mean of their r_j [m]; inverse: of the matrix that turns a torque into y [1/m^2]; reach:
-    sqrt(d^2 + rho^2) rho, the torque that y puts on the pad farthest from the middle [m^2]; law/internal.py.
-    """
-
-    contacts: int
-    middle: Vec
-    inverse: Mat
-    reach: float
-
-
-ALONE = Shared(1, ZERO, Mat(ZERO, ZERO, ZERO), 0.0)
+ALONE = Sharing(1, ZERO, ZERO, Mat(ZERO, ZERO, ZERO), 0.0)
 """One pad holds the object."""
 SPIN_SHARE: Final = 0.1
 """Of several pads: load of turning over load of accelerating at which the bound on the worse pad is exact."""
@@ -42,7 +29,7 @@ class Held(NamedTuple):
     """The object as the pad holds it, on pad axes.
 
     mass [kg]; inertia J (3, 3) [kg m2] about the centre of mass; r = x_c - x_o [m]; weights: S^-1 Sigma, of forces 0 or
-    1, of torques 0 or 1 / radius [1/m]; gravity [m/s^2] {w}; shared: with which other pads.
+    1, of torques 0 or 1 / radius [1/m]; gravity [m/s^2] {w}; shared: how several pads with one normal share a wrench.
     """
 
     mass: float
@@ -50,7 +37,7 @@ class Held(NamedTuple):
     r: Vec
     weights: Spatial
     gravity: Vec
-    shared: Shared
+    shared: Sharing
 
 
 @part

@@ -6,11 +6,9 @@ since moved by the slip displacement (s_l, R_s), a POSE on {p} axes. G = [[I, 0]
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import numpy as np
 
-from slip_core.arrays import Array, matrix_from_quat_xyzw
+from slip_core.arrays import matrix_from_quat_xyzw
 from slip_core.compiled import part
 from slip_core.errors import InputError
 from slip_core.records import Mat3, Record, Records, Vec3, Vec6, Whole, dtype_of
@@ -55,20 +53,6 @@ class StampedSlip(Record):
 SLIP_SAMPLE = dtype_of(StampedSlip)
 
 
-class Grasp(Protocol):
-    """What is read of a LawConfig here."""
-
-    contacts: int
-
-    contact: Records[Contact]
-
-
-class ContactPosition(Protocol):
-    """What is read of LawGains here."""
-
-    contact_position: Array
-
-
 def fill_contacts(params: ContactParams, contacts: Records[Contact]) -> int:
     """Write the contacts of the parameters to an array of CONTACT; the first is the own arm's; return how many.
 
@@ -103,21 +87,6 @@ def integrate_slip(slip: Pose, v_s: Spatial, dt: float, out: Pose) -> None:
     shift, turn = dt * v_s.linear, dt * v_s.angular
     put(out.position, s_l + R_s @ left_jacobian(turn, shift))
     put_mat(out.rotation, R_s @ exponential(turn))
-
-
-@part
-def integrate_slips(
-    config: Grasp, samples: Records[ContactSample], slips: Records[Pose], dt: float, slips_out: Records[Pose],
-) -> None:  # fmt: skip
-    """Move the slip displacement of every contact for `dt` [s]; `slips` and `slips_out` may be the same."""
-    for i in range(config.contacts):
-        integrate_slip(slips[i], slip_velocity(config.contact[i], samples[i]), dt, slips_out[i])
-
-
-@part
-def contact_position(config: Grasp, gains: ContactPosition, i: int) -> Vec:
-    """Return o_x_p of contact i [m] {o}: that of the own one comes with the payload."""
-    return vec(gains.contact_position) if i == 0 else vec(config.contact[i].position)
 
 
 @part

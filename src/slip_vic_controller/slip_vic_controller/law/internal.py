@@ -23,9 +23,9 @@ from slip_core.records import Records
 from slip_core.vectors import NOTHING, ZERO, Mat, Spatial, Vec, spatial
 from slip_vic_controller.law.arm import Pose
 from slip_vic_controller.law.config import LawConfig
-from slip_vic_controller.law.contact import ContactSample, contact_arm, contact_position, pad_rotation
+from slip_vic_controller.law.contact import ContactSample, contact_arm, pad_rotation
 from slip_vic_controller.law.gains import Gains, LawGains
-from slip_vic_controller.law.object import ObjectMotion, solve_symmetric
+from slip_vic_controller.law.object import ObjectMotion, contact_position, solve_symmetric
 
 
 @part
@@ -46,15 +46,15 @@ def mean_arm(config: LawConfig, gains: LawGains, slips: Records[Pose]) -> Vec:
 class Sharing(NamedTuple):
     """How the contacts share a wrench, on the axes of the own pad.
 
-    contacts: how many; middle: mean of all r_j [m]; own: d of the own contact, longest: the largest |d_j| [m]; inverse:
-    of the matrix of y [1/m^2].
+    contacts: how many; middle: mean of all r_j [m]; own: d of the own contact [m]; inverse: of the matrix of y [1/m^2];
+    reach: sqrt(d^2 + rho^2) rho, the torque that y puts on the contact farthest from the middle [m^2].
     """
 
     contacts: int
     middle: Vec
     own: Vec
-    longest: float
     inverse: Mat
+    reach: float
 
 
 @part
@@ -73,7 +73,8 @@ def sharing(config: LawConfig, gains: LawGains, slips: Records[Pose]) -> Sharing
     x, y, z = Vec(1.0, 0.0, 0.0), Vec(0.0, 1.0, 0.0), Vec(0.0, 0.0, 1.0)
     inverse = Mat(solve_symmetric(A, x), solve_symmetric(A, y), solve_symmetric(A, z))
     own = arm_of(config, gains, slips, o_R_c, 0) - middle
-    return Sharing(n, middle, own, longest, inverse)
+    reach = math.sqrt(longest * longest + square) * config.radius
+    return Sharing(n, middle, own, inverse, reach)
 
 
 @part

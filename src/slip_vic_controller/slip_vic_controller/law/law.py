@@ -5,7 +5,7 @@ A cycle calls, in this order (all arguments are records, `samples` and `slips` a
     gains_at(ramp, stamp_ns, gains)                                                   # gains.py
     predict_motion(config, gains, arm, samples, slips, slip_twist, motion)            # only with an observer
     integrate_slips(config, samples, slips, dt, slips)                                # contact.py
-    evaluate(config, arm, sample, memory, given)
+    evaluate(config, arm, q, qd, posture, e_previous, given)
 
 with `given` a record that holds `gains`, `samples`, `slips` of this cycle, `reference`, `follow_error` (6,) {ee}, which
 an observer adds to G^T a_o (zeros without), and `law`, the Evaluation to fill;
@@ -18,73 +18,21 @@ from __future__ import annotations
 from typing import Protocol
 
 from slip_core.arrays import Array
-from slip_core.cholesky import LARGEST
+from slip_core.cholesky import LARGEST, all_finite
 from slip_core.compiled import part
-from slip_core.records import Real, Record, Records, Vec3, Vec6, Whole, dtype_of
+from slip_core.records import Records
 from slip_core.vectors import ZERO, Spatial, mat, put, put_mat, put_spatial, spatial, vec
 from slip_vic_controller.law.arm import Arm, DesiredMotion, Pose
 from slip_vic_controller.law.attitude import attitude_error, on_error_axes
 from slip_vic_controller.law.config import LawConfig
 from slip_vic_controller.law.contact import G_T, ContactSample, Phi2, slip_velocity
+from slip_vic_controller.law.evaluation import Evaluation
 from slip_vic_controller.law.extensions import authority, fade_with_gate, limit_spin, slip_speed
 from slip_vic_controller.law.gains import LawGains
 from slip_vic_controller.law.internal import give_way, internal_wrench
 from slip_vic_controller.law.object import object_motion
 from slip_vic_controller.law.paper import compensation, control_acceleration, faded, impedance, slip_activation
-from slip_vic_controller.law.torque import Torque, joint_torque
-from slip_vic_controller.sizes import Joints, WholeJoints
-
-
-class Evaluation(Record):
-    """Every symbol of one evaluation of the law; e, e_dot, K, D are in the coordinates of the orientation error."""
-
-    ok: Whole  # every number is finite and every factor exists, else nothing here may be used
-    near_singular_arm: Whole  # 1 while a fallback is active
-    near_singular_attitude: Whole
-    saturated_joints: Whole  # how many
-    gate: Real  # slip activation, in [0, 1]
-    damping_squared: Real  # 1/kg; what was added to J B^-1 J^T
-    error_linear: Real  # m; |e|, linear part
-    error_angular: Real  # rad
-    slip_speed: Real  # m/s; |v_s|, linear part
-    carried: Vec3  # m/s^2 {w}; G^T a_o + Phi2, linear part
-    v_s: Vec6  # m/s, rad/s {ee}; slip velocity
-    w_o: Vec3  # rad/s {ee}; turning of the object
-    r: Vec3  # m {ee}; x_c - x_o
-    h_o: Vec6  # N, N m {ee}; sum G_i h_ee,i
-    a_o: Vec6  # m/s^2, rad/s^2 {ee}; acceleration of the object
-    follow: Vec6  # m/s^2, rad/s^2 {ee}; G^T a_o + Phi2
-    comp: Vec6  # m/s^2, rad/s^2 {ee}; compensation
-    gated: Vec6  # m/s^2, rad/s^2 {ee}; gate times comp, spin limited
-    h_int: Vec6  # N, N m {ee}; internal wrench of several contacts
-    e: Vec6  # m, rad {w}
-    e_dot: Vec6  # m/s, rad/s {w}
-    K: Vec6  # N/m, N m/rad; diagonal
-    D: Vec6  # N s/m, N m s/rad; diagonal
-    Theta: Vec6  # m/s^2, rad/s^2 {w}
-    Z: Vec6  # m/s^2, rad/s^2 {w}; T_e M_D^-1 (-K e - D e_dot)
-    a_d: Vec6  # m/s^2, rad/s^2 {w}
-    a_C: Vec6  # m/s^2, rad/s^2 {w}; control acceleration  # noqa: N815
-    torque: Torque  # before the limits, with its parts
-    effort: Joints  # N m; inside the limits
-    saturated: WholeJoints  # which joints are beyond
-
-
-EVALUATION = dtype_of(Evaluation)
-
-
-class JointMotion(Protocol):
-    """Position [rad] and velocity [rad/s] of the joints."""
-
-    position: Array
-    velocity: Array
-
-
-class Memory(Protocol):
-    """Posture of the null space [rad], and the orientation error one cycle earlier, zeros at first [rad]."""
-
-    posture: Array
-    e_previous: Array
+from slip_vic_controller.law.torque import joint_torque
 
 
 class Given(Protocol):
@@ -187,22 +135,20 @@ def control_law(config: LawConfig, arm: Arm, e_previous: Array, given: Given) ->
 
 
 @part
-def evaluate(config: LawConfig, arm: Arm, sample: JointMotion, memory: Memory, given: Given) -> None:
+def evaluate(config: LawConfig, arm: Arm, q: Array, qd: Array, posture: Array, e_previous: Array, given: Given) -> None:
     """Fill `given.law`: the law, the joint torque, and the effort inside its limits.
 
     Args:
         config: what does not change.
         arm: at this joint state.
-        sample: position and velocity of the joints.
-        memory: posture of the null space, and e_previous, for the branch of the orientation error.
-        given: as in `control_law`.
+        q, qd, posture: joint state and posture of the null space; [rad], [rad/s], [rad].
+        e_previous, given: as in `control_law`.
 
     Implements: Eq. (21), (28), (29), the whole law.
     """
     evaluation = given.law
-    a_C = control_law(config, arm, memory.e_previous, given)
-    q, qd = sample.position, sample.velocity
-    solved, damping_squared = joint_torque(config, arm, a_C, given.samples, q, qd, memory.posture, evaluation.torque)
+    a_C = control_law(config, arm, e_previous, given)
+    solved, damping_squared = joint_torque(config, arm, a_C, given.samples, q, qd, posture, evaluation)
     finite = clip_effort(config, evaluation) and finite_memory(config, evaluation, given.slips)
     evaluation.ok = solved and finite
     evaluation.near_singular_arm, evaluation.damping_squared = damping_squared > 0.0, damping_squared
@@ -210,18 +156,18 @@ def evaluate(config: LawConfig, arm: Arm, sample: JointMotion, memory: Memory, g
 
 @part
 def scale_acceleration(
-    config: LawConfig, arm: Arm, sample: JointMotion, memory: Memory, factor: float, given: Given
+    config: LawConfig, arm: Arm, q: Array, qd: Array, posture: Array, factor: float, given: Given
 ) -> None:
     """Command `factor` a_C instead of the a_C of an evaluation: torque and effort follow.
 
     Args:
-        config, arm, sample, memory, given: as in `evaluate`.
+        config, arm, q, qd, posture, given: as in `evaluate`.
         factor: of a guard, in [0, 1].
     """
-    evaluation, q, qd = given.law, sample.position, sample.velocity
+    evaluation = given.law
     a_C = factor * spatial(evaluation.a_C)
     put_spatial(evaluation.a_C, a_C)
-    solved, _ = joint_torque(config, arm, a_C, given.samples, q, qd, memory.posture, evaluation.torque)
+    solved, _ = joint_torque(config, arm, a_C, given.samples, q, qd, posture, evaluation)
     evaluation.ok = clip_effort(config, evaluation) and solved and evaluation.ok != 0
 
 
@@ -231,7 +177,7 @@ def clip_effort(config: LawConfig, out: Evaluation) -> bool:
     out.saturated_joints = 0
     finite = True
     for j in range(config.joints):
-        tau, limit = out.torque.tau[j], config.effort_limit[j]
+        tau, limit = out.tau[j], config.effort_limit[j]
         out.saturated[j] = abs(tau) > limit
         out.saturated_joints += out.saturated[j]
         out.effort[j] = min(max(tau, -limit), limit)
@@ -242,19 +188,16 @@ def clip_effort(config: LawConfig, out: Evaluation) -> bool:
 @part
 def finite_memory(config: LawConfig, law: Evaluation, slips: Records[Pose]) -> bool:
     """Return whether what the next cycle needs is finite: the orientation error and the slip displacements."""
-    finite = is_finite(law.e[3]) and is_finite(law.e[4]) and is_finite(law.e[5])
+    finite = all_finite(law.e[3:])
     for i in range(config.contacts):
-        for j in range(3):
-            finite = finite and is_finite(slips[i].position[j])
-            for k in range(3):
-                finite = finite and is_finite(slips[i].rotation[j, k])
+        finite = finite and finite_pose(slips[i].position, slips[i].rotation)
     return finite
 
 
 @part
-def is_finite(number: float) -> bool:
-    """Return whether a number may be squared."""
-    return abs(number) <= LARGEST
+def finite_pose(position: Array, rotation: Array) -> bool:
+    """Return whether a pose (3,), (3, 3) is finite."""
+    return all_finite(position) and all_finite(rotation[0]) and all_finite(rotation[1]) and all_finite(rotation[2])
 
 
 @part
@@ -287,6 +230,5 @@ def predict_motion(
     put(motion.w_o, R_ee @ o.w_o)
     finite = True
     for i in range(config.contacts):
-        for j in range(6):
-            finite = finite and is_finite(samples[i].wrench[j]) and is_finite(samples[i].slip_twist[j])
+        finite = finite and all_finite(samples[i].wrench) and all_finite(samples[i].slip_twist)
     return finite

@@ -1,4 +1,4 @@
-"""Rigid-body dynamics of the grasped object about its centre of mass, on the axes of the own pad."""
+"""The grasped object on the axes of the own pad: slip on it, and rigid-body dynamics about its centre of mass."""
 
 from __future__ import annotations
 
@@ -9,7 +9,14 @@ from slip_core.records import Records
 from slip_core.vectors import Mat, Spatial, Vec, mat, spatial, vec
 from slip_vic_controller.law.arm import Pose
 from slip_vic_controller.law.config import LawConfig
-from slip_vic_controller.law.contact import ContactSample, G, contact_arm, contact_position, pad_rotation
+from slip_vic_controller.law.contact import (
+    ContactSample,
+    G,
+    contact_arm,
+    integrate_slip,
+    pad_rotation,
+    slip_velocity,
+)
 from slip_vic_controller.law.gains import LawGains
 
 
@@ -23,6 +30,21 @@ class ObjectMotion(NamedTuple):
     r: Vec
     h_o: Spatial
     a_o: Spatial
+
+
+@part
+def integrate_slips(
+    config: LawConfig, samples: Records[ContactSample], slips: Records[Pose], dt: float, slips_out: Records[Pose],
+) -> None:  # fmt: skip
+    """Move the slip displacement of every contact for `dt` [s]; `slips` and `slips_out` may be the same."""
+    for i in range(config.contacts):
+        integrate_slip(slips[i], slip_velocity(config.contact[i], samples[i]), dt, slips_out[i])
+
+
+@part
+def contact_position(config: LawConfig, gains: LawGains, i: int) -> Vec:
+    """Return o_x_p of contact i [m] {o}: that of the own one comes with the payload."""
+    return vec(gains.contact_position) if i == 0 else vec(config.contact[i].position)
 
 
 @part

@@ -15,11 +15,11 @@ from slip_core.vectors import ZERO, Mat, Spatial, Vec, mat, put_spatial, spatial
 from slip_vic_controller.law.arm import Arm, DesiredMotion, Pose
 from slip_vic_controller.law.config import LawConfig
 from slip_vic_controller.law.contact import G_T_inverse, Phi2
+from slip_vic_controller.law.evaluation import Evaluation
 from slip_vic_controller.law.gains import LawGains
-from slip_vic_controller.law.law import Evaluation
-from slip_vic_controller.law.paper import Lambda, V_e, V_s
+from slip_vic_controller.law.paper import Lambda, V_e, V_s, control_torque
 from slip_vic_controller.law.rotation import logarithm
-from slip_vic_controller.law.torque import null_torque, smallest_singular_value, task_torque
+from slip_vic_controller.law.torque import smallest_singular_value
 from slip_vic_controller.sizes import Joints
 
 
@@ -122,7 +122,7 @@ def symbols(
 
     out.safe, out.near_singular_arm, out.near_singular_attitude = 0.0, v.near_singular_arm, v.near_singular_attitude
     out.gate, out.V_e, out.V_s = v.gate, V_e(gains.gains, v.e, v.e_dot), V_s(v_s)
-    out.sigma_min, out.damping_squared = smallest_singular_value(arm.J[:, :n]), v.damping_squared
+    out.sigma_min, out.damping_squared = smallest_singular_value(arm.J[:, :n], math.inf), v.damping_squared
     out.k_s, out.sliding, out.slip_significance = gains.gains.k_s, estimate.sliding, estimate.significance
     put_pose(out.position, vec(arm.position), R_ee)
     put_pose(out.desired, vec(reference.position), R_d)
@@ -134,14 +134,15 @@ def symbols(
     put_spatial(out.v_o, R_ee @ G_T_inverse(r, R_ee.T() @ v_ee - v_s))
     put_spatial(out.a_o, R_ee @ spatial(v.a_o))
     put_spatial(out.Phi2, Spatial(R_ee @ Phi2(w_o, r).linear, ZERO))
-    out.twist[:], out.h_ee[:] = arm.twist, v.torque.h_ee
+    out.twist[:], out.h_ee[:] = arm.twist, v.h_ee
     out.e[:], out.e_dot[:], out.K[:], out.D[:] = v.e, v.e_dot, v.K, v.D
     out.Theta[:], out.Z[:], out.a_d[:], out.a_C[:] = v.Theta, v.Z, v.a_d, v.a_C
     out.slip_deviation[:], out.slip_error[:] = estimate.deviation, estimate.error
-    out.tau_bias[:] = arm.bias
+    out.tau_bias[:], force = arm.bias, v.task - v.h_ee
     for j in range(n):
         out.effort[j], out.saturated[j] = v.effort[j], v.saturated[j]
-        out.tau_task[j], out.tau_null[j] = task_torque(arm, v.torque, j), null_torque(arm, v.torque, j)
+        out.tau_task[j] = control_torque(arm, force, j) - arm.bias[j]
+        out.tau_null[j] = v.tau[j] - arm.bias[j] - out.tau_task[j]
 
 
 @part

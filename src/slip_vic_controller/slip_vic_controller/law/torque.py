@@ -13,35 +13,24 @@ import numpy as np
 from slip_core.arrays import Array
 from slip_core.cholesky import back_substitute, cholesky, forward_substitute
 from slip_core.compiled import part
-from slip_core.records import Record, Records, Vec6, dtype_of
+from slip_core.records import Records
 from slip_core.vectors import Spatial, mat, put_spatial, spatial
 from slip_vic_controller.law.arm import Arm
 from slip_vic_controller.law.config import LawConfig
 from slip_vic_controller.law.contact import ContactSample
+from slip_vic_controller.law.evaluation import Evaluation
 from slip_vic_controller.law.paper import control_torque
-from slip_vic_controller.sizes import Joints
 
+BISECTIONS: Final = 60
+"""Steps after which a singular value in a bracket is known to rounding."""
 LEAST_SQUARE: Final = 1e-8
 """Added to the squared singular values of J in the projection on its null space."""
-
-
-class Torque(Record):
-    """The parts of Eq. (21), before the limits."""
-
-    h_ee: Vec6  # N, N m {w}
-    tau_0: Joints  # N m; posture torque
-    task: Vec6  # N, N m {w}; B_x (a_C - Jdot qd)
-    null: Vec6  # N, N m {w}; force of tau_0 on the task
-    tau: Joints  # N m; the whole
-
-
-TORQUE = dtype_of(Torque)
 
 
 @part
 def joint_torque(
     config: LawConfig, arm: Arm, a_C: Spatial, samples: Records[ContactSample], q: Array, qd: Array, posture: Array,
-    out: Torque,
+    out: Evaluation,
 ) -> tuple[bool, float]:  # fmt: skip
     """Write tau = J^T [B_x (a_C - Jdot qd) - h_ee] + C qd + g + N^T tau_0 and its parts.
 
@@ -73,9 +62,8 @@ def joint_torque(
         forward_substitute(L, J[i], Y[i])  # Y = J L^-T
     A, C = np.empty((6, 6)), np.empty((6, 6))
     gram(Y, A)  # A = J B^-1 J^T
-    damping_squared = singularity_damping(
-        smallest_singular_value_below(J, config.sigma_min), config.sigma_min, config.most_damping
-    )
+    sigma = smallest_singular_value(J, config.sigma_min)
+    damping_squared = singularity_damping(sigma, config.sigma_min, config.most_damping)
     if damping_squared > 0.0:
         for i in range(6):
             A[i, i] += damping_squared
@@ -132,24 +120,6 @@ def posture_torque_by_rate(rate: float, J: Array, M: Array, q: Array, qd: Array,
 
 
 @part
-def task_torque(arm: Arm, torque: Torque, j: int) -> float:
-    """Return J^T [B_x (a_C - Jdot qd) - h_ee] of joint j [N m]."""
-    total = 0.0
-    for i in range(6):
-        total += arm.J[i, j] * (torque.task[i] - torque.h_ee[i])
-    return total
-
-
-@part
-def null_torque(arm: Arm, torque: Torque, j: int) -> float:
-    """Return N^T tau_0 of joint j [N m]."""
-    total = torque.tau_0[j]
-    for i in range(6):
-        total -= arm.J[i, j] * torque.null[i]
-    return total
-
-
-@part
 def singularity_damping(sigma: float, sigma_min: float, most_damping: float) -> float:
     """Return what is added to the diagonal of J B^-1 J^T: 0 above sigma_min, then (damping (1 - (s/s_min)^2))^2."""
     if sigma >= sigma_min:
@@ -178,66 +148,25 @@ def gram(Y: Array, S: Array) -> None:
 
 
 @part
-def smallest_singular_value_below(J: Array, limit: float) -> float:
+def smallest_singular_value(J: Array, limit: float) -> float:
     """Return the smallest singular value of J (6, n) where it is below `limit`, else `limit`.
 
-    J J^T - limit^2 I has a Cholesky factor exactly where no singular value is below the limit: cheap, and nearly
-    always the case. The value itself comes from Jacobi rotations, cyclic until nothing is left beside the diagonal.
+    J J^T - s^2 I has a Cholesky factor exactly where no singular value is below s. At the limit that is nearly always
+    so; else bisection finds the s at which it ends.
     """
     S, L = np.empty((6, 6)), np.empty((6, 6))
     gram(J, S)
-    for i in range(6):
-        S[i, i] -= limit * limit
-    if cholesky(S, L):
-        return limit
-    for i in range(6):
-        S[i, i] += limit * limit
-    return min(_root_of_smallest(S), limit)
-
-
-@part
-def smallest_singular_value(J: Array) -> float:
-    """Return the smallest singular value of J (6, n)."""
-    S = np.empty((6, 6))
-    gram(J, S)
-    return _root_of_smallest(S)
-
-
-@part
-def _root_of_smallest(S: Array) -> float:
-    """Return the square root of the smallest eigenvalue of S (6, 6), which is made diagonal."""
-    for _ in range(_SWEEPS):
-        off, size = 0.0, 0.0
-        for p in range(6):
-            size += S[p, p] * S[p, p]
-            for q in range(p + 1, 6):
-                off += S[p, q] * S[p, q]
-        if not off > 1e-32 * size:
+    low, high = 0.0, min(limit, math.sqrt(S[0, 0]))  # no row of J is shorter
+    s = high
+    for _ in range(BISECTIONS):
+        A = S.copy()
+        for i in range(6):
+            A[i, i] -= s * s
+        if cholesky(A, L):
+            low = s
+        else:
+            high = s
+        if low == high:
             break
-        for p in range(5):
-            for q in range(p + 1, 6):
-                _rotate(S, p, q)
-    smallest = S[0, 0]
-    for i in range(1, 6):
-        smallest = min(smallest, S[i, i])
-    return math.sqrt(max(smallest, 0.0))
-
-
-@part
-def _rotate(S: Array, p: int, q: int) -> None:
-    """Make S[p, q] zero by a rotation of rows and columns p and q."""
-    if S[p, q] == 0.0:
-        return
-    theta = 0.5 * (S[q, q] - S[p, p]) / S[p, q]
-    t = math.copysign(1.0, theta) / (abs(theta) + math.sqrt(theta * theta + 1.0))
-    c = 1.0 / math.sqrt(t * t + 1.0)
-    s = t * c
-    for k in range(6):
-        a, b = S[k, p], S[k, q]
-        S[k, p], S[k, q] = c * a - s * b, s * a + c * b
-    for k in range(6):
-        a, b = S[p, k], S[q, k]
-        S[p, k], S[q, k] = c * a - s * b, s * a + c * b
-
-
-_SWEEPS: Final = 30
+        s = 0.5 * (low + high)
+    return s

@@ -14,7 +14,7 @@ from slip_core.compiled import part
 from slip_core.records import Real, Record, Vec3, Vec6, Whole, dtype_of
 from slip_core.vectors import mat, vec
 from slip_vic_controller.law.arm import Arm, DesiredMotion
-from slip_vic_controller.law.law import Evaluation
+from slip_vic_controller.law.evaluation import Evaluation
 from slip_vic_controller.path.path_scaling import scale_for_error
 
 FALLS_WITHIN_S = 0.06

@@ -6,9 +6,9 @@ By induction: the effort before is finite and inside the limits, so what comes o
 from __future__ import annotations
 
 from slip_core.arrays import Array
+from slip_core.cholesky import all_finite
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Whole, WholeArray, dtype_of
-from slip_vic_controller.safety.validation import all_finite
 from slip_vic_controller.sizes import Joints
 
 LONGEST_STEP_S, RESTART_AFTER_S = 0.005, 0.05

@@ -8,7 +8,7 @@ from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.vectors import vec
 from slip_vic_controller.law.arm import Arm
-from slip_vic_controller.law.law import Evaluation
+from slip_vic_controller.law.evaluation import Evaluation
 from slip_vic_controller.safety.conditions import NOTHING, Reason, Why
 
 FAR, FAR_TURNED = 0.01, 0.05

@@ -13,7 +13,7 @@ from typing import Annotated
 import numpy as np
 
 from slip_core.arrays import Array
-from slip_core.cholesky import LARGEST
+from slip_core.cholesky import all_finite
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Records, Vec6, Whole, WholeArray, dtype_of
 from slip_core.vectors import spatial
@@ -126,15 +126,6 @@ def fine(fault: int) -> bool:
 def unanswered(fault: int) -> bool:
     """Return whether a joint state with this fault is dropped in real time."""
     return bool(fault == Reason.OUT_OF_ORDER or fault == Reason.CLOCK_JUMP)
-
-
-@part
-def all_finite(values: Array) -> bool:
-    """Return whether all numbers (k,) are finite and not beyond LARGEST."""
-    for x in values:  # noqa: SIM110 - compiled code has no generators
-        if not abs(x) <= LARGEST:
-            return False
-    return True
 
 
 @part
