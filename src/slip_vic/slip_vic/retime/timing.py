@@ -13,16 +13,7 @@ from slip_vic.retime.path import GivenPath
 from slip_vic_controller.governor.layouts import GOVERNOR_CONFIG
 from slip_vic_controller.governor.plan import GRID_POINTS
 from slip_vic_controller.params.controller_params import ControllerParams
-from slip_vic_controller.path.retiming import (
-    HELD_OBJECT,
-    MEMORY,
-    STEP,
-    HeldObject,
-    plan_timing,
-    sample_times,
-    step_timing,
-    time_derivatives,
-)
+from slip_vic_controller.path.retiming import MEMORY, plan_timing, sample_times, step_timing, time_derivatives
 
 LONGEST = 30.0
 """Times the duration of the path as given after which the search for a timing is given up."""
@@ -48,8 +39,8 @@ def retimed(path: GivenPath, config: Array, params: ControllerParams) -> list[Sa
     Raises:
         InputError: friction cannot carry the weight somewhere on the path, or the path comes to no end.
     """
-    memory, held, period_s = new(MEMORY), new(HELD_OBJECT), params.control_period_s
-    grasped: HeldObject = record(held, HELD_OBJECT)  # on the axes of the pad
+    memory, period_s = new(MEMORY), params.control_period_s
+    grasped: Any = record(memory, MEMORY)  # the object on the axes of the pad
     R = matrix_from_quat_xyzw(params.contacts.orientation_xyzw[:4])
     grasped.mass = params.object.mass
     grasped.inertia[:] = R.T @ inertia_from_six(params.object.inertia, "parameter object.inertia") @ R
@@ -58,14 +49,13 @@ def retimed(path: GivenPath, config: Array, params: ControllerParams) -> list[Sa
     sample_times(config, times)
     motion = [path.pad(float(at)) for at in times]
     sampled = [np.concatenate((pad.rotation.ravel(), pad.twist, pad.acceleration)) for pad in motion]
-    plan_timing(config, memory, held, np.array(sampled))
-    state: Any = record(memory, MEMORY).governor
+    plan_timing(config, memory, np.array(sampled))
+    state = grasped.governor
     if state.infeasible:
         _refuse_too_heavy(path, config, state)
-    step, samples = new(STEP), [Sample(path, 0.0, 0.0, 0.0)]
-    out: Any = record(step, STEP)
+    rates, samples = np.zeros(2), [Sample(path, 0.0, 0.0, 0.0)]
     most = round(LONGEST * path.duration / period_s)
-    while out.arrived == 0.0:
+    while not (state.arrived == 1 and state.out_rate == 0.0):
         if len(samples) > most:
             share = 100.0 * samples[-1].time / path.duration
             raise InputError(
@@ -73,10 +63,10 @@ def retimed(path: GivenPath, config: Array, params: ControllerParams) -> list[Sa
                 expected="the end of the path", fix="more grip or friction, or a path without noise",
             )  # fmt: skip
         pad = path.pad(float(state.time))
-        step_timing(config, memory, held, pad.rotation, pad.twist, pad.acceleration, period_s, step)
-        pad = path.pad(float(out.time))
-        time_derivatives(config, memory, pad.rotation, pad.twist, pad.acceleration, step)
-        samples.append(Sample(path, float(out.time), float(out.rate), float(out.rate_rate)))
+        step_timing(config, memory, pad.rotation, pad.twist, pad.acceleration, period_s)
+        pad = path.pad(float(state.out_time))
+        time_derivatives(config, memory, pad.rotation, pad.twist, pad.acceleration, rates)
+        samples.append(Sample(path, float(state.out_time), float(rates[0]), float(rates[1])))
     return samples
 
 

@@ -7,11 +7,11 @@ samples the path: attitude, twist and acceleration over its own time.
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Any
 
 from slip_core.arrays import Array
 from slip_core.compiled import IN1, IN2, OUT1, REAL, VOID, kernel, part
-from slip_core.records import Mat3, Real, Record, Vec3, dtype_of, layout, record
+from slip_core.records import layout, record
 from slip_core.vectors import NOTHING, ZERO, mat, spatial, vec
 from slip_vic_controller.governor import governor
 from slip_vic_controller.governor.layouts import GOVERNOR, GOVERNOR_CONFIG, PAD, GovernorConfig
@@ -20,37 +20,19 @@ from slip_vic_controller.governor.plan import GRID_POINT, GRID_POINTS, along, sa
 from slip_vic_controller.governor.step import Pad
 from slip_vic_controller.path.paths import Reference
 
-STILL: Final = 1e-12
-"""ds/dt below which the path as given rests [m/s]."""
-
-
-class HeldObject(Record):
-    """The object on the axes of the pad that holds it."""
-
-    mass: Real  # kg
-    inertia: Mat3  # kg m^2, about the centre of mass
-    r: Vec3  # m, pad centre as seen from the centre of mass
-
-
-class Step(Record):
-    """One control period of the timing."""
-
-    time: Real  # s, of the path as given
-    rate: Real  # derivative of that time
-    rate_rate: Real  # 1/s, its second derivative
-    arrived: Real  # 1 at the path's end, at rest
-
-
-HELD_OBJECT, STEP, MEMORY = dtype_of(HeldObject), dtype_of(Step), layout(
-    [("governor", GOVERNOR), ("grid", GRID_POINT, GRID_POINTS), ("pad", PAD)]
-)  # fmt: skip
+MEMORY = layout([
+    ("governor", GOVERNOR), ("grid", GRID_POINT, GRID_POINTS), ("pad", PAD),
+    ("mass", "f8"), ("inertia", "f8", (3, 3)), ("r", "f8", 3),
+])  # fmt: skip
+"""The path in its timing, and the object on the axes of the pad that holds it: mass [kg], inertia about its centre of
+mass [kg m^2], r, the pad centre as seen from there [m]."""
 
 
 @part
-def held_object(config: GovernorConfig, held: HeldObject) -> Held:
+def held_object(config: GovernorConfig, memory: Any) -> Held:
     """Return the object as the governor takes it; one pad holds it."""
     weights, gravity = spatial(config.weights), vec(config.gravity)
-    return Held(held.mass, mat(held.inertia), vec(held.r), weights, gravity, ALONE)
+    return Held(memory.mass, mat(memory.inertia), vec(memory.r), weights, gravity, ALONE)
 
 
 @kernel(VOID(IN1, OUT1))
@@ -61,19 +43,18 @@ def sample_times(config: Array, out: Array) -> None:
         out[i] = sample_time(c.mode, i, c.duration)
 
 
-@kernel(VOID(IN1, OUT1, IN1, IN2))
-def plan_timing(config: Array, memory: Array, held: Array, motion: Array) -> None:
+@kernel(VOID(IN1, OUT1, IN2))
+def plan_timing(config: Array, memory: Array, motion: Array) -> None:
     """Plan a path, with the object at rest at its start.
 
     Args:
         config: GOVERNOR_CONFIG.
         memory: MEMORY; changed.
-        held: HELD_OBJECT.
         motion: of the pad at the `sample_times` (GRID_POINTS, 21) {w}: attitude by rows, twist and acceleration over
             the path's own time.
     """
     c, m = record(config, GOVERNOR_CONFIG), record(memory, MEMORY)
-    grasped = held_object(c, record(held, HELD_OBJECT))
+    grasped = held_object(c, m)
     start = mat(motion[0, :9].reshape(3, 3))
     at_rest = size(weight(grasped, start))
     governor.start_pad(c, m.pad, at_rest, False, 1.0)
@@ -86,38 +67,34 @@ def plan_timing(config: Array, memory: Array, held: Array, motion: Array) -> Non
     governor.plan(c, m.governor, m.grid)
 
 
-@kernel(VOID(IN1, OUT1, IN1, IN2, IN1, IN1, REAL, OUT1))
+@kernel(VOID(IN1, OUT1, IN2, IN1, IN1, REAL))
 def step_timing(
-    config: Array, memory: Array, held: Array, rotation: Array, twist: Array, acceleration: Array, dt: float, out: Array
+    config: Array, memory: Array, rotation: Array, twist: Array, acceleration: Array, dt: float
 ) -> None:  # fmt: skip
     """Take a step on the path.
 
     Args:
-        config, memory, held: as in `plan_timing`.
+        config, memory: as in `plan_timing`.
         rotation, twist, acceleration: of the path at the governor's time, over the path's own time {w}.
         dt: control period [s].
-        out: STEP; the result.
     """
-    c, m, o = record(config, GOVERNOR_CONFIG), record(memory, MEMORY), record(out, STEP)
+    c, m = record(config, GOVERNOR_CONFIG), record(memory, MEMORY)
     state, R = m.governor, mat(rotation)
     point = along(c, state.duration, state.time, Reference(ZERO, R, spatial(twist), spatial(acceleration)))
     pad = Pad(ZERO, R, state.rate * point.tangent, NOTHING)
-    governor.run(c, state, m.grid, held_object(c, record(held, HELD_OBJECT)), point, pad, math.inf, dt)
-    o.time = state.out_time
-    o.arrived = 1.0 if state.arrived == 1 and state.out_rate == 0.0 else 0.0
+    governor.run(c, state, m.grid, held_object(c, m), point, pad, math.inf, dt)
 
 
 @kernel(VOID(IN1, OUT1, IN2, IN1, IN1, OUT1))
 def time_derivatives(
     config: Array, memory: Array, rotation: Array, twist: Array, acceleration: Array, out: Array
 ) -> None:
-    """Write first and second derivative of the path's time to a STEP whose `time` is known; arguments as before.
+    """Write first and second derivative of the path's time, after a step; (2,) [-, 1/s]. Arguments as in that.
 
     With ds = speed dt of the path: rate = sdot / speed, rate_rate = (sddot - bend rate^2) / speed.
     """
-    c, m, o = record(config, GOVERNOR_CONFIG), record(memory, MEMORY), record(out, STEP)
+    c, state = record(config, GOVERNOR_CONFIG), record(memory, MEMORY).governor
     there = Reference(ZERO, mat(rotation), spatial(twist), spatial(acceleration))
-    at = along(c, m.governor.duration, o.time, there)
-    moves = at.speed > STILL
-    o.rate = m.governor.out_rate / at.speed if moves else 0.0
-    o.rate_rate = (m.governor.out_u - at.bend * o.rate * o.rate) / at.speed if moves else 0.0
+    at = along(c, state.duration, state.out_time, there)
+    out[0] = state.out_rate / at.speed
+    out[1] = (state.out_u - at.bend * out[0] * out[0]) / at.speed
