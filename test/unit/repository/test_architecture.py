@@ -110,7 +110,7 @@ OWN = {  # layers inside a package: what of the own package a part may import
             "law.arm",
             "law.contact",
             "law.extensions",
-            "law.law",
+            "law.evaluation",
             "arm.joint_estimate",
             "arm.plausibility",
             "arm.tare",
