@@ -20,7 +20,7 @@ from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.contact.config import TUNING, observer_config, witnesses
 from slip_vic_controller.contact.friction_estimate import Friction
 from slip_vic_controller.contact.layouts import OBSERVER_CONFIG
-from slip_vic_controller.governor.layouts import MAX_WINDOW, GovernorConfig
+from slip_vic_controller.governor.layouts import GovernorConfig
 from slip_vic_controller.governor.plan import Governing
 from slip_vic_controller.interfaces import fill_wrench_sensor
 from slip_vic_controller.law.bounds import DRIVE_SHARE
@@ -41,6 +41,7 @@ from slip_vic_controller.safety.validation import (
     JUMP,
     SLACK,
 )
+from slip_vic_controller.sizes import ROOM
 from slip_vic_controller.state import CONFIG, ControllerConfig, CycleConfig
 
 PATH_MARGIN, GIVEN_UP, KEPT = 0.97, 0.985, 0.95
@@ -246,7 +247,7 @@ def _fill_governor(governor: GovernorConfig, params: ControllerParams) -> None:
     governor.duration, governor.length, governor.floor = path.duration_s, PATH_LENGTH_M, PATH_FLOOR_M_S
     governor.most_speed, governor.most_turning = limits.speed_linear, limits.speed_angular
     governor.most_grip = params.grip.force_limit / params.grip.nominal_force if params.grip.control == "follow" else 1.0
-    governor.window = min(max(1, round(given.window_s / params.control_period_s)), MAX_WINDOW)
+    governor.window = min(max(1, round(given.window_s / params.control_period_s)), ROOM)
     # Several arms without a common path pull the object apart, and no way is left to brake in.
     governor.led = int(len(params.contacts.position) == 3)
     estimate = governor.friction

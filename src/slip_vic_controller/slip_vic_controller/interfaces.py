@@ -7,7 +7,7 @@ import numpy as np
 from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.errors import InputError
-from slip_core.records import Mat3, Real, Record, Vec3, Whole, dtype_of
+from slip_core.records import Mat3, Real, Record, Vec3, dtype_of
 from slip_core.vectors import Mat, Spatial, mat, spatial, vec
 from slip_vic_controller.arm.robot import Robot, rotation_of_rpy
 from slip_vic_controller.params.controller_params import ControllerParams
@@ -16,7 +16,6 @@ from slip_vic_controller.params.controller_params import ControllerParams
 class WrenchSensor(Record):
     """Where the wrench is measured, and in which units."""
 
-    as_is: Whole  # the samples are the wrench at the pad, to the last bit
     force: Real  # signed factor
     torque: Real  # signed factor
     position: Vec3  # m {ee}; of the sensor's frame
@@ -41,8 +40,6 @@ def wrench_at_pad(sensor: WrenchSensor, measured: Array, R_ee: Mat) -> Spatial:
         R_ee: {ee} to {w}.
     """
     h = spatial(measured)
-    if sensor.as_is != 0:
-        return h
     R, p = mat(sensor.rotation), vec(sensor.position)
     force, torque = R @ (sensor.force * h.linear), R @ (sensor.torque * h.angular)
     weight = sensor.tool_mass * (R_ee.T() @ vec(sensor.gravity))
@@ -56,8 +53,9 @@ def fill_wrench_sensor(sensor: WrenchSensor, params: ControllerParams, robot: Ro
         InputError: the frame's place is given twice, or the frame moves against the pad.
     """
     given = params.wrench
+    sensor.force = sensor.torque = 1.0
+    sensor.rotation[:] = np.eye(3)
     if given.source == "none":  # the model's is one at the pad
-        sensor.as_is = 1
         return
     placed = any((*given.position, *given.rpy))
     position, rotation = np.array(given.position), rotation_of_rpy(given.rpy)
@@ -72,5 +70,3 @@ def fill_wrench_sensor(sensor: WrenchSensor, params: ControllerParams, robot: Ro
     sensor.force, sensor.torque = given.sign * given.force_scale, given.sign * given.torque_scale
     sensor.position[:], sensor.rotation[:] = position, rotation
     sensor.tool_mass, sensor.tool_com[:], sensor.gravity[:] = given.tool_mass, given.tool_com, params.gravity
-    same = not position.any() and np.array_equal(rotation, np.eye(3))
-    sensor.as_is = int(same and sensor.force == sensor.torque == 1.0 and given.tool_mass == 0.0)

@@ -7,10 +7,11 @@ from slip_core.records import WholeArray
 
 MAX_JOINTS: Final = 10
 MAX_CONTACTS: Final = 4
-MAX_SEGMENTS: Final = 64
-"""Segments of a built-in path."""
-MAX_FRESH: Final = 64
-"""Slip samples that may come between two cycles; of more the oldest are dropped."""
+ROOM: Final = 64
+"""Segments of a built-in path, cycles of a moving average, and samples that wait: of slip and references for the next
+cycle, where the oldest of more are dropped, and of a stream until it is followed."""
+BISECTIONS: Final = 60
+"""Steps after which a root in a bracket is known to rounding."""
 NEVER: Final = -(2**63)
 """A time [ns] that has not been."""
 

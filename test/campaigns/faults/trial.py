@@ -19,7 +19,7 @@ from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.plant import DivergenceError
 from slip_sim_bridge.session import BridgeSession
 from slip_vic.scenarios.scenario import Law, Scenario
-from slip_vic_controller.node.arm_topics import SLIP_DEPTH, STATE_DEPTH
+from slip_vic_controller.node.arm_topics import STATE_DEPTH
 from slip_vic_controller.params.node_params import ControllerNodeParams
 from slip_vic_controller.safety.effort_limiter import LONGEST_STEP_S, RESTART_AFTER_S
 from slip_vic_controller.safety.modes import Mode, Request
@@ -390,7 +390,7 @@ class Trial:
 
     def _arrived(self, name: str) -> list[Delivery]:
         """Return what reaches the controller: of what came while it was stopped, what the node's readers keep."""
-        depth = SLIP_DEPTH if name == SLIP else STATE_DEPTH[False]
+        depth = STATE_DEPTH[name == SLIP]
         arrivals = self._channels[name].arrivals(self._now_ns)
         return arrivals[-depth:] if self._stopped(CONTROLLER, self._t - PERIOD_S) else arrivals
 

@@ -9,7 +9,7 @@ from slip_core.errors import InputError
 from slip_core.params import build
 from slip_vic_controller.params.controller_params import TrajectoryParams
 from slip_vic_controller.path.paths import make_path
-from slip_vic_controller.sizes import MAX_SEGMENTS
+from slip_vic_controller.sizes import ROOM
 from test.referees.law_referee import S, exponential
 from test.support.law_cases import reference_of
 
@@ -85,7 +85,7 @@ def test_waypoints_are_reached_evenly() -> None:
 
 
 def test_too_many_waypoints_are_refused() -> None:
-    for count, fits in ((MAX_SEGMENTS, True), (MAX_SEGMENTS + 1, False)):
+    for count, fits in ((ROOM, True), (ROOM + 1, False)):
         params = build(TrajectoryParams, {"kind": "waypoints", "waypoints": (0.1,) * 6 * count}, "test")
         if fits:
             make_path(params)

@@ -23,7 +23,6 @@ from slip_vic_controller.governor.load import ALONE, Held
 from slip_vic_controller.path.paths import REFERENCE, Reference, put_reference
 from slip_vic_controller.path.stream import (
     STREAM,
-    STREAM_POINTS,
     at,
     drop_passed,
     plan_stream,
@@ -32,7 +31,7 @@ from slip_vic_controller.path.stream import (
     waiting,
 )
 from slip_vic_controller.safety.modes import Mode
-from slip_vic_controller.sizes import NEVER
+from slip_vic_controller.sizes import NEVER, ROOM
 from test.referees.governor_paths import BentPath
 from test.support.run_maker import goal_message, record_run
 
@@ -117,11 +116,11 @@ def test_close_samples_are_thinned() -> None:
         times = np.array([stream.points[i].time for i in range(n)])
         assert times[-1] == pytest.approx((stamp_ns - stamps[0]) * 1e-9)
         assert stream.samples[n - 1].position[0] == k
-        assert n <= STREAM_POINTS
+        assert n <= ROOM
         assert np.diff(times)[1:-1].min(initial=1.0) >= SPACING_S, "but the last, that the next may replace"
-        if n < STREAM_POINTS:
+        if n < ROOM:
             assert np.diff(times)[1:].max(initial=0.0) < 2.5 * SPACING_S, "and no more than need be"
-    assert n == STREAM_POINTS
+    assert n == ROOM
     assert (path.time, path.rate) == (-PREVIEW_S, 0.0)
 
 
@@ -133,7 +132,7 @@ def test_stream_bound_admits_braking() -> None:
         point = stream.points[i]
         point.s, point.uu, point.cap = spacing_s * i, mass * mass, 100.0
     stream.points[4].cap = 0.01
-    plan_stream(stream, F, 0.0)
+    plan_stream(stream, F, 0.0, PREVIEW_S)
     K = [stream.points[i].K for i in range(5)]
     expected = 0.01 + 2.0 * spacing_s * F / mass * np.arange(4, -1, -1)
     np.testing.assert_allclose(K, expected, rtol=1e-6)

@@ -178,7 +178,7 @@ def follow_stream(
         path.rate = 0.0
         return
     drop_passed(stream, path.out_time)
-    plan_stream(stream, limits_of.path_margin * path.usable, limits_of.reserve)
+    plan_stream(stream, limits_of.path_margin * path.usable, limits_of.reserve, limits_of.preview_s)
     now, K, ahead = at(stream, path.s), stream_bound(stream, path.s)[0], stream_bound(stream, path.s + dt * path.rate)
     most_rate, last = min(rate_limit(config, path, path_speed), catch_up), stream.points[stream.count - 1].time
     bounds = Bounds(K, ahead[0], ahead[1], most_rate, 1.0, stream.points[0].time, max(last, path.s))

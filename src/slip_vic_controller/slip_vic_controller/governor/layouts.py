@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Final
+from typing import Annotated
 
 from slip_core.arrays import Array
 from slip_core.records import Real, Record, Vec3, Vec6, Whole, dtype_of
 from slip_vic_controller.contact.estimate import ContactEstimate
 from slip_vic_controller.contact.friction_estimate import FrictionConfig, FrictionEvidence
 from slip_vic_controller.contact.wrench_evidence import WrenchEvidence
-
-MAX_WINDOW: Final = 64
-"""Largest number of cycles of the moving average."""
+from slip_vic_controller.sizes import ROOM
 
 
 class GovernorConfig(Record):
@@ -67,7 +65,7 @@ class Governor(Record):
     ceiling: Real  # N, load that the guard lets pass
     grip: Real  # least of all pads, over the one for which F^ is configured
     ring_count: Whole
-    ring: Annotated[Array, (MAX_WINDOW, 3)]  # s, sdot, sddot
+    ring: Annotated[Array, (ROOM, 3)]  # s, sdot, sddot
     contact: ContactEstimate  # of the weakest pad
 
 

@@ -26,14 +26,13 @@ from slip_core.vectors import Mat, Spatial
 from slip_vic_controller.governor.layouts import GovernorConfig
 from slip_vic_controller.governor.load import Held, drawn, turning, weight
 from slip_vic_controller.path.paths import Reference
+from slip_vic_controller.sizes import BISECTIONS
 
 GRID_POINTS: Final = 200
 FASTEST: Final = 1e3
 """Largest sdot of a point that nothing limits."""
 ROUNDING: Final = 1e-10
 """Relative error of a root."""
-BISECTIONS: Final = 60
-"""Steps after which a root in a bracket is known to rounding."""
 REST: Final = 1e-12
 """uu over F^2 below which u costs no load: there the path rests."""
 

@@ -12,6 +12,7 @@ from slip_core.arrays import Array
 from slip_core.compiled import INT, REAL, kernel
 from slip_core.errors import InputError
 from slip_core.types import AXES
+from slip_vic_controller.sizes import BISECTIONS
 
 
 class Condition(NamedTuple):
@@ -74,7 +75,7 @@ def held_sample_limit(held: int, delay: int) -> float:
         return 2.0 * math.cos(q * math.pi / (2 * q + 1)) / held
     newer, older = float(held - r), float(r)
     low, high = 0.0, math.pi
-    for _ in range(60):
+    for _ in range(BISECTIONS):
         theta = 0.5 * (low + high)
         phase = (q + 1.5) * theta - math.atan2(newer * math.sin(theta), newer * math.cos(theta) + older)
         if phase < 0.5 * math.pi:
@@ -122,7 +123,7 @@ def stiffness_limit(damping: float, inertia: float, delay_s: float) -> float:
     is left at small crossovers, bounds it from above.
     """
     low, high = 0.0, damping / delay_s
-    for _ in range(60):
+    for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if delay_margin(middle, damping, inertia) > delay_s else (low, middle)
     return low

@@ -20,9 +20,8 @@ from slip_vic_controller.law.config import LawConfig
 from slip_vic_controller.law.contact import ContactSample
 from slip_vic_controller.law.evaluation import Evaluation
 from slip_vic_controller.law.paper import control_torque
+from slip_vic_controller.sizes import BISECTIONS
 
-BISECTIONS: Final = 60
-"""Steps after which a singular value in a bracket is known to rounding."""
 LEAST_SQUARE: Final = 1e-8
 """Added to the squared singular values of J in the projection on its null space."""
 

@@ -22,9 +22,8 @@ from slip_vic_controller.params.node_params import ControllerNodeParams
 from slip_vic_controller.session.arm_session import ArmSession
 from slip_vic_controller.session.cycle_result import NO_NUMBERS, CycleResult
 
-STATE_DEPTH = {True: 100, False: 1}  # lockstep loses nothing; in real time only the newest state matters
-SLIP_DEPTH = 100  # every sample counts for the observer
-PUBLISHERS_PERIOD_S = 0.02  # so long a foreign command may go unseen; a look takes some 30 us
+STATE_DEPTH = {True: 100, False: 1}  # lockstep loses nothing, nor does slip; else only the newest matters
+LOOK_S = 0.02  # so long a foreign command may go unseen; a look takes some 30 us
 
 
 class ArmTopics:
@@ -67,7 +66,7 @@ class ArmTopics:
         self._send_ledger = create_sender(part, "controller/ledger", forms.whole_numbers(numbers))
         self.report = ArmReport(part, params, arm, refusals, status)
         self.inputs = self._create_inputs()
-        part.create_timer(PUBLISHERS_PERIOD_S, self._look_for_publishers, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        part.create_timer(LOOK_S, self._look_for_publishers, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._look_for_publishers()
 
     @property
@@ -128,7 +127,7 @@ class ArmTopics:
         for contact in range(1 if self.arm.name else self.arm.contacts):
             wrench = ("wrench", "wrench", self._in_frame(WrenchSample, contact), self.arm.add_wrench, depth)
             wrenches = (wrench,) if self.params.wrench.source == "sensor" else ()
-            for name, field, learn, add, keep in (*wrenches, (*self._slip_input(contact), SLIP_DEPTH)):
+            for name, field, learn, add, keep in (*wrenches, (*self._slip_input(contact), STATE_DEPTH[True])):
                 take, actual = partial(self._on_sample, add, contact), contact_topic(name, contact)
                 inputs.append(receive(name, (field,), learn, take, depth=keep, actual_name=actual))
         return inputs

@@ -32,14 +32,13 @@ from slip_msgs_py.node_shell import Failures, GuardedNode, fails_loudly
 from slip_msgs_py.qos import create_publisher
 from slip_msgs_py.realtime import set_up_interpreter
 from slip_msgs_py.ros_params import OWN_TIME, allow_changes, declare_arms
-from slip_vic_controller.node.arm_topics import STATE_DEPTH, ArmTopics
+from slip_vic_controller.node.arm_topics import LOOK_S, STATE_DEPTH, ArmTopics
 from slip_vic_controller.node.task_topics import TaskTopics
 from slip_vic_controller.params.node_params import ControllerNodeParams
 from slip_vic_controller.session.controller import Controller
 from slip_vic_controller.session.manifest import Manifest
 from slip_vic_controller.session.session import ControllerSession, Results
 
-LOOK_S = 0.02
 WATCHDOG_S = 0.01
 LINGER_S = 0.2  # for the answer of the transition that ends the process to reach who asked
 COMMON = ("mode", "auto_activate", "expected_subscribers")

@@ -14,14 +14,13 @@ from slip_msgs_py.events import emit
 from slip_msgs_py.fast_io import Refusals, Sender, create_sender
 from slip_msgs_py.messages import forms, to_msgs
 from slip_msgs_py.qos import create_publisher
-from slip_vic_controller.node.timing import SCALARS, CycleTiming
+from slip_vic_controller.node.timing import SCALARS, STATUS_PERIOD_NS, CycleTiming
 from slip_vic_controller.params.node_params import ControllerNodeParams
 from slip_vic_controller.safety.modes import Mode
 from slip_vic_controller.session.arm_session import ArmSession
 from slip_vic_controller.session.cycle_result import CycleResult
 from slip_vic_controller.session.incidents import IncidentWatch
 
-STATUS_PERIOD_NS = 1_000_000_000
 GO_ON = "; to continue call ~/reset_fault, then ~/enable"
 ENABLE = "; to continue call ~/enable"
 LEVELS = {Mode.ACTIVE: OK, Mode.DEGRADED: WARN, Mode.HOLD: WARN, Mode.WAITING_INPUT: WARN, Mode.FAULT: ERROR}

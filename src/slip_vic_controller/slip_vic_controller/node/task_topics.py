@@ -11,6 +11,7 @@ from slip_msgs_py.fast_io import Refusals
 from slip_msgs_py.messages import from_msgs, to_msgs
 from slip_msgs_py.qos import create_publisher, create_subscription
 from slip_vic_controller.config import governed_stream
+from slip_vic_controller.node.arm_topics import STATE_DEPTH
 from slip_vic_controller.node.report import GO_ON
 from slip_vic_controller.params.node_params import ControllerNodeParams
 from slip_vic_controller.path.goals import GoalPhase, Refusal
@@ -21,7 +22,6 @@ from slip_vic_controller.session.session import ControllerSession
 if TYPE_CHECKING:
     from slip_vic_controller.path.joint_path import JointFeed
 
-DEPTH = 10
 AHEAD, SAMPLES = 2.0, 12
 """Previews of the governor that wait of a joint trajectory at most, and references in each."""
 MOST_POINTS = 2000
@@ -90,7 +90,7 @@ class TaskTopics:
         elif session.controller.external:
             taken["goal"] = self._on_goal
         for name, callback in taken.items():
-            create_subscription(node, name, callback, depth=DEPTH, reliable=False)
+            create_subscription(node, name, callback, depth=STATE_DEPTH[True], reliable=False)
         self._answers = None if taken.keys() <= {"reference"} else create_publisher(node, "controller/goal")
         for request in (Request.ENABLE, Request.HOLD, Request.RESET_FAULT, Request.TARE):
             name = f"~/{request.name.lower()}"

@@ -21,7 +21,7 @@ SCALARS = (
     "stale_wrench",
     "stale_slip",
 )
-_WINDOW_S = 1.0
+STATUS_PERIOD_NS = 1_000_000_000
 
 
 class CycleTiming:
@@ -36,7 +36,7 @@ class CycleTiming:
 
     def __init__(self, period_s: float) -> None:
         self._period_ns = round(period_s * NS_PER_S)
-        size = max(2, round(_WINDOW_S / period_s))
+        size = max(2, round(STATUS_PERIOD_NS / self._period_ns))
         self._periods, self._computes, self._latencies = (deque[float](maxlen=size) for _ in range(3))
         self._began_ns: int | None = None
         self._last_stamp_ns: int | None = None

@@ -15,7 +15,7 @@ from slip_core.vectors import Spatial, mat, put, put_mat, put_spatial, vec
 from slip_vic_controller.governor.layouts import GovernorConfig
 from slip_vic_controller.governor.plan import Governing
 from slip_vic_controller.law.rotation import logarithm
-from slip_vic_controller.path.paths import Path, PathKind, Reference, put_quintic, reference_at
+from slip_vic_controller.path.paths import Path, PathKind, Reference, put_quintic, reference_at, rising
 
 
 @unique
@@ -65,8 +65,6 @@ GOAL = dtype_of(Goal)
 
 FARTHEST = 10.0
 """Distance to a goal beyond the reach of any arm: an error of a unit or a frame [m]."""
-PEAK = 1.875
-"""Largest speed of a quintic from rest to rest, over distance / duration."""
 
 
 @part
@@ -117,7 +115,8 @@ def screen_goal(limits: GovernorConfig, goal: Goal, now: Reference, at_work: boo
     if goal.pending == 0:
         return
     way, turn = (vec(goal.to_position) - now.position).norm(), mat(goal.to_rotation) @ now.rotation.T()
-    speed, turning = PEAK * way / goal.duration, PEAK * logarithm(turn).norm() / goal.duration
+    peak = rising(0.5)[2] / goal.duration  # of a quintic from rest to rest
+    speed, turning = peak * way, peak * logarithm(turn).norm()
     why, value, limit, kept = Refusal.NO.value, 0.0, 0.0, limits.mode != Governing.OFF
     if not at_work:
         why = Refusal.NOT_AT_WORK.value

@@ -20,7 +20,7 @@ from slip_core.vectors import NOTHING, Mat, Spatial, Vec, mat, put, put_mat, put
 from slip_vic_controller.law.arm import DesiredMotion, Pose
 from slip_vic_controller.law.rotation import exponential, left_jacobian, left_jacobian_rate
 from slip_vic_controller.params.controller_params import TrajectoryParams
-from slip_vic_controller.sizes import MAX_SEGMENTS
+from slip_vic_controller.sizes import ROOM
 
 
 class Path(Record):
@@ -28,8 +28,8 @@ class Path(Record):
 
     kind: Whole  # PathKind
     segments: Whole
-    knot: Annotated[Array, MAX_SEGMENTS + 1]  # s
-    polynomial: Annotated[Array, (MAX_SEGMENTS, 6, 6)]  # [segment, coordinate, power], time since the segment's knot
+    knot: Annotated[Array, ROOM + 1]  # s
+    polynomial: Annotated[Array, (ROOM, 6, 6)]  # [segment, coordinate, power], time since the segment's knot
     end: Vec6  # where the last segment ends
     speed: Real  # rad/s, phase speed of a curve
     ramp: Real  # s
@@ -182,44 +182,26 @@ def polynomial_point(path: Path, t: float) -> PathPoint:
     while t >= path.knot[i + 1]:
         i += 1
     u, p = t - path.knot[i], path.polynomial[i]
+    x, y, z = horner(p[0], u), horner(p[1], u), horner(p[2], u)
+    a, b, c = horner(p[3], u), horner(p[4], u), horner(p[5], u)
     return PathPoint(
-        Spatial(
-            Vec(value(p[0], u), value(p[1], u), value(p[2], u)), Vec(value(p[3], u), value(p[4], u), value(p[5], u))
-        ),
-        Spatial(
-            Vec(slope(p[0], u), slope(p[1], u), slope(p[2], u)), Vec(slope(p[3], u), slope(p[4], u), slope(p[5], u))
-        ),
-        Spatial(
-            Vec(curve(p[0], u), curve(p[1], u), curve(p[2], u)), Vec(curve(p[3], u), curve(p[4], u), curve(p[5], u))
-        ),
+        Spatial(Vec(x[0], y[0], z[0]), Vec(a[0], b[0], c[0])),
+        Spatial(Vec(x[1], y[1], z[1]), Vec(a[1], b[1], c[1])),
+        Spatial(Vec(x[2], y[2], z[2]), Vec(a[2], b[2], c[2])),
     )
 
 
 @part
-def value(c: Array, u: float) -> float:
-    """Return a polynomial (6,), lowest power first, at u: Horner's scheme."""
-    total = 0.0
+def horner(c: Array, u: float) -> tuple[float, float, float]:
+    """Return a polynomial (6,), lowest power first, and its two derivatives at u: Horner's scheme."""
+    value = slope = curve = 0.0
     for k in range(5, -1, -1):
-        total = total * u + c[k]
-    return total
-
-
-@part
-def slope(c: Array, u: float) -> float:
-    """Return the first derivative of a polynomial (6,) at u."""
-    total = 0.0
-    for k in range(5, 0, -1):
-        total = total * u + k * c[k]
-    return total
-
-
-@part
-def curve(c: Array, u: float) -> float:
-    """Return the second derivative of a polynomial (6,) at u."""
-    total = 0.0
-    for k in range(5, 1, -1):
-        total = total * u + (k - 1) * (k * c[k])
-    return total
+        value = value * u + c[k]
+        if k > 0:
+            slope = slope * u + k * c[k]
+        if k > 1:
+            curve = curve * u + (k - 1) * (k * c[k])
+    return value, slope, curve
 
 
 @part
@@ -335,11 +317,11 @@ def fill_segments(buffer: Array, times: Array, values: Array, rates: Array, rate
     """Write quintic segments through given points to a PATH; knots (k,) [s] that grow from 0, points (k, 6) each.
 
     Raises:
-        InputError: more segments than MAX_SEGMENTS.
+        InputError: more segments than ROOM.
     """
     path, count = record(buffer, PATH), len(times) - 1
-    if count > MAX_SEGMENTS:
-        raise InputError("parameter trajectory.waypoints", got=f"{count} points", expected=f"at most {MAX_SEGMENTS}")
+    if count > ROOM:
+        raise InputError("parameter trajectory.waypoints", got=f"{count} points", expected=f"at most {ROOM}")
     path.kind, path.segments = PathKind.POLYNOMIALS.value, count
     path.knot[: count + 1] = times
     path.end[:] = values[-1]

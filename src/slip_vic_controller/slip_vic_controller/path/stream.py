@@ -36,14 +36,10 @@ from slip_vic_controller.law.rotation import (
     logarithm,
 )
 from slip_vic_controller.path.paths import Reference, put_reference, quintic, read_reference, standing
-from slip_vic_controller.sizes import NEVER
+from slip_vic_controller.sizes import NEVER, ROOM
 
-STREAM_POINTS: Final = 64
-QUEUED: Final = 16
 SAMPLES_AHEAD: Final = 16
 """Samples in the time by which a stream is followed later; closer ones are thinned."""
-LAX_S: Final = 1.0
-"""Length of path assumed after the last sample: only the load of that sample limits its speed."""
 
 
 class QueuedReference(Record):
@@ -57,13 +53,13 @@ class Stream(Record):
     """Samples received and not yet followed."""
 
     queued: Whole
-    queue: Annotated[Records[QueuedReference], QUEUED]  # since the last cycle
+    queue: Annotated[Records[QueuedReference], ROOM]  # since the last cycle
     count: Whole
     first_ns: Whole  # when the stream's time is 0
     load: Real  # N, that the pass was made for; negative where a sample has come since
     rests: DesiredMotion  # the pose while there is nothing to follow
-    samples: Annotated[Records[DesiredMotion], STREAM_POINTS]
-    points: Annotated[Records[GridPoint], STREAM_POINTS]
+    samples: Annotated[Records[DesiredMotion], ROOM]
+    points: Annotated[Records[GridPoint], ROOM]
 
 
 STREAM = dtype_of(Stream)
@@ -110,7 +106,7 @@ def take_queued(
             state.rate, begins = 0.0, True
         elif time > stream.points[n - 1].time:
             close = stream.points[n - 1].time - stream.points[n - 2].time < preview_s / SAMPLES_AHEAD
-            put_sample(stream, n - 1 if close or n == STREAM_POINTS else n, time, item.reference, held, limits)
+            put_sample(stream, n - 1 if close or n == ROOM else n, time, item.reference, held, limits)
     stream.queued = 0
     return begins
 
@@ -142,12 +138,16 @@ def drop_passed(stream: Stream, time: float) -> None:
 
 
 @part
-def plan_stream(stream: Stream, F: float, reserve: float) -> None:
-    """Find how fast each point may be passed, where that has changed; F, reserve: as in `backward_pass`."""
+def plan_stream(stream: Stream, F: float, reserve: float, preview_s: float) -> None:
+    """Find how fast each point may be passed, where that has changed.
+
+    As far as a stream is followed later, `preview_s` [s], its path goes on after the last sample as fast as its speed
+    limits admit. F, reserve: as in `backward_pass`.
+    """
     if abs(F - stream.load) <= REPLAN * stream.load:
         return
     stream.load, last = F, stream.points[stream.count - 1]
-    last.K = max(most(last, left_for_motion(F, math.sqrt(last.cc), reserve), LAX_S, last.cap), 0.0)
+    last.K = max(most(last, left_for_motion(F, math.sqrt(last.cc), reserve), preview_s, last.cap), 0.0)
     backward_pass(received(stream), F, reserve)
 
 

@@ -19,7 +19,7 @@ from slip_core.records import Real, Record, Records, Vec6, Whole, WholeArray, dt
 from slip_core.vectors import spatial
 from slip_vic_controller.law.contact import StampedSlip
 from slip_vic_controller.safety.conditions import SAMPLE_FAULTS, Reason
-from slip_vic_controller.sizes import MAX_FRESH, Joints
+from slip_vic_controller.sizes import ROOM, Joints
 
 ACCEPT_AFTER = 5
 """Samples in a row that agree with each other after which a jump is a restart of the source."""
@@ -62,7 +62,7 @@ class SlipQueue(Record):
     """Good slip samples since the last cycle, in order of arrival."""
 
     count: Whole
-    samples: Annotated[Records[StampedSlip], MAX_FRESH]
+    samples: Annotated[Records[StampedSlip], ROOM]
 
 
 class JointLimits(Record):
@@ -189,8 +189,8 @@ def receive_vector(
 @part
 def queue_slip(queue: SlipQueue, stamp_ns: int, twist: Array) -> None:
     """Keep a good slip sample for the next cycle; where there are too many the oldest goes."""
-    if queue.count == MAX_FRESH:
-        for i in range(MAX_FRESH - 1):
+    if queue.count == ROOM:
+        for i in range(ROOM - 1):
             queue.samples[i] = queue.samples[i + 1]
         queue.count -= 1
     queue.samples[queue.count].stamp_ns = stamp_ns

@@ -30,8 +30,7 @@ from slip_vic_controller.session.arrival import (
     receive_wrench,
 )
 from slip_vic_controller.session.cycle_result import NO_NUMBERS, CycleResult, Health
-from slip_vic_controller.session.manifest import Manifest
-from slip_vic_controller.sizes import MAX_FRESH
+from slip_vic_controller.sizes import ROOM
 from slip_vic_controller.state import (
     ARM_SIZE,
     ARM_STATE,
@@ -98,8 +97,6 @@ class ArmSession:
         self._estimates = bool(record(self.config, CONFIG).estimator.on)
         self._tared = 0
         self._whole = self.row.view(np.int64)
-        self._manifest: Manifest | None = None
-        self._wrench_counts, self._slip_counts = [0] * self.contacts, [0] * self.contacts
         self._displacements = [SlipFromDisplacement() for _ in range(self.contacts)]
         self._request = int(Request.NONE)  # numbers: members of an enum are slow to pass on
         self._tuned: ControllerParams | None = None
@@ -177,8 +174,8 @@ class ArmSession:
         """Take a wrench of one contact; that of the own pad goes to every arm that has a wrench sensor and reads it."""
         stamp_ns, wrench = sample.stamp_ns, sample.wrench if sample.wrench.shape == (6,) else _NO_VECTOR
         now_ns = stamp_ns if now_ns is None else now_ns
+        self._session.wrench_counts[self.index + contact] += 1
         for arm, number in self.routes[contact]:
-            arm._wrench_counts[number] += 1
             if arm._has_wrench:
                 receive_wrench(arm.config, arm.row, number, stamp_ns, wrench, wrench is _NO_VECTOR, now_ns)
 
@@ -186,22 +183,17 @@ class ArmSession:
         """Take a slip velocity of one contact; that of the own pad goes to every arm that reads it."""
         stamp_ns, twist = sample.stamp_ns, sample.twist if sample.twist.shape == (6,) else _NO_VECTOR
         now_ns = stamp_ns if now_ns is None else now_ns
+        self._session.slip_counts[self.index + contact] += 1
         for arm, number in self.routes[contact]:
-            arm._slip_counts[number] += 1
             receive_slip(arm.config, arm.row, number, stamp_ns, twist, sample.valid, twist is _NO_VECTOR, now_ns)
 
     def add_displacement(self, contact: int, sample: DisplacementSample, now_ns: int | None = None) -> None:
         """Take where the pad of one contact is on the object; from the second one on it gives slip velocities."""
         slip = self._displacements[contact](sample)
         if slip is None:
-            for arm, number in self.routes[contact]:
-                arm._slip_counts[number] += 1
+            self._session.slip_counts[self.index + contact] += 1
         else:
             self.add_slip(contact, slip, sample.stamp_ns if now_ns is None else now_ns)
-
-    def add_manifest(self, manifest: Manifest) -> None:
-        """Take the list of what belongs to the current lockstep cycle; contacts in this arm's order."""
-        self._manifest = manifest
 
     def set_publishers(self, counts: Mapping[str, int], own_topic_publishers: int) -> None:
         """Take how many publishers each input topic has, and how many our command topic has."""
@@ -249,14 +241,14 @@ class ArmSession:
 
         Lockstep answers every cycle, also one whose other inputs are still missing.
         """
-        waiting, manifest = self.waiting, self._manifest
+        waiting, session, manifest = self.waiting, self._session, self._session.manifest
         if waiting is None or not self._lockstep:
             return waiting is not None
         return (
             manifest is not None
             and manifest.stamp_ns == waiting[0].stamp_ns
-            and (manifest.wrench_counts == tuple(self._wrench_counts) or not self._has_wrench)
-            and manifest.slip_counts == tuple(self._slip_counts)
+            and (manifest.wrench_counts == tuple(session.wrench_counts) or not self._has_wrench)
+            and manifest.slip_counts == tuple(session.slip_counts)
         )
 
     def prepare(self, now_ns: int | None, exchange: Array) -> JointSample | None:
@@ -269,7 +261,7 @@ class ArmSession:
         if self.waiting is None:
             return None
         joint, fault, missing, health = self.waiting
-        self.waiting = self._manifest = None
+        self.waiting = self._session.manifest = None
         self.overdue = False
         if not self._session.active:
             missing |= Missing.ACTIVATION
@@ -323,8 +315,8 @@ class ArmSession:
         for of, slip in zip(state.slip_inputs, slips, strict=False):
             if slip is not None:
                 of.seen, of.stamp_ns, of.values[:] = 1, slip.stamp_ns, slip.twist
-        state.queue.count = len(new_slips[-MAX_FRESH:])
-        for fresh, slip in zip(state.queue.samples, new_slips[-MAX_FRESH:], strict=False):
+        state.queue.count = len(new_slips[-ROOM:])
+        for fresh, slip in zip(state.queue.samples, new_slips[-ROOM:], strict=False):
             fresh.stamp_ns, fresh.twist[:] = slip.stamp_ns - self._slip_delay_ns, slip.twist
 
     def silent(self, now_ns: int) -> bool:

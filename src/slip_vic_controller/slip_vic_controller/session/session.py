@@ -21,12 +21,12 @@ from slip_vic_controller.config import governed_stream
 from slip_vic_controller.cycle.cycle import cycle
 from slip_vic_controller.law.gains import gain_report
 from slip_vic_controller.params.controller_params import ControllerParams
-from slip_vic_controller.path.stream import QUEUED
 from slip_vic_controller.safety.modes import Request
 from slip_vic_controller.session.arm_session import ArmSession, write_reference
 from slip_vic_controller.session.controller import Controller
 from slip_vic_controller.session.cycle_result import CycleResult
 from slip_vic_controller.session.manifest import Manifest
+from slip_vic_controller.sizes import ROOM
 from slip_vic_controller.state import (
     CONFIG,
     CONFIG_SIZE,
@@ -38,8 +38,8 @@ from slip_vic_controller.state import (
     TaskState,
 )
 
-MOST_POSITION, MOST_TWIST, MOST_ACCELERATION = 1e3, 1e2, 1e4
-"""[m], [m/s, rad/s], [m/s^2, rad/s^2] Most that a reference may have; numbers that are not finite lead to HOLD."""
+MOST = 1e3
+"""Most of anything that a reference may have, in SI units; numbers that are not finite lead to HOLD."""
 
 
 RETUNABLE = ("gains.", "object.", "contacts.position", "safety.hold_stiffness")
@@ -69,6 +69,9 @@ class ControllerSession:
         self._governed_stream = governed_stream(controller.first.params)
         self._ahead: frozenset[int] = frozenset()  # answered for joint states that other arms have yet to bring
         self.arms = tuple(ArmSession(self, name, k) for k, name in enumerate(controller.names))
+        pads = max(len(self.arms), self.arms[0].contacts)
+        self.manifest: Manifest | None = None
+        self.wrench_counts, self.slip_counts = [0] * pads, [0] * pads
         self._taring = tuple(arm for arm in self.arms if arm.controller.params.tare.duration_s > 0.0)
         for arm in self.arms:
             arm.routes = tuple(tuple(self._routes(arm.index, contact)) for contact in range(arm.contacts))
@@ -99,16 +102,7 @@ class ControllerSession:
 
     def add_manifest(self, manifest: Manifest) -> None:
         """Take the list of what belongs to the current lockstep cycle: the pads' samples, in the order of the arms."""
-        if len(self.arms) == 1:
-            self.arms[0].add_manifest(manifest)
-            return
-        for arm in self.arms:
-            order = [arm.index, *(k for k in range(len(manifest.wrench_counts)) if k != arm.index)][: arm.contacts]
-            wrenches, slips = (
-                tuple(counts[k] for k in order if k < len(counts))
-                for counts in (manifest.wrench_counts, manifest.slip_counts)
-            )
-            arm.add_manifest(Manifest(manifest.tick, manifest.stamp_ns, wrenches, slips))
+        self.manifest = manifest
 
     def set_reference(self, reference: CartesianReference) -> None:
         """Use this reference from the next cycle on; governed, follow it as soon as friction admits.
@@ -118,20 +112,17 @@ class ControllerSession:
         Raises:
             InputError: numbers that no arm can follow, which are errors of a unit or a frame; nothing has changed then.
         """
-        for what, values, most in (
-            ("position", reference.position, MOST_POSITION), ("twist", reference.twist, MOST_TWIST),
-            ("acceleration", reference.acceleration, MOST_ACCELERATION),
-        ):  # fmt: skip
-            largest = float(np.abs(values).max())
-            if math.isfinite(largest) and largest > most:
-                raise InputError(f"reference: {what}", got=f"{largest:.3g}", expected=f"at most {most:g}")
+        for what in ("position", "twist", "acceleration"):
+            largest = float(np.abs(getattr(reference, what)).max())
+            if math.isfinite(largest) and largest > MOST:
+                raise InputError(f"reference: {what}", got=f"{largest:.3g}", expected=f"at most {MOST:g}")
         task = self.task
         task.taken += 1
         given = task.reference
         if self._governed_stream:
             stream = task.stream
-            if stream.queued == QUEUED:
-                for k in range(QUEUED - 1):
+            if stream.queued == ROOM:
+                for k in range(ROOM - 1):
                     stream.queue[k] = stream.queue[k + 1]
                 stream.queued -= 1
             item = stream.queue[int(stream.queued)]
