@@ -171,20 +171,6 @@ def test_least_stopping_load_is_planned(slipped_at: float) -> None:
         assert (state.plan_load, rate2 > bound) == (state.asked, True)
 
 
-@pytest.mark.parametrize("cap", [(0.04, 0.09), (0.09, 0.04)])
-@pytest.mark.parametrize("moves", [False, True])
-def test_path_begins_as_fast_as_admitted(cap: tuple[float, float], moves: bool) -> None:
-    """Only where the user's path rests is its first speed free."""
-    G = Governor(BentPath(PAPER.way, 2.0), PAPER)
-    G.points["cap"][:2] = cap
-    if moves:
-        G.points["uu"][0] = 1.0
-    G.plan()
-    expected = np.sqrt(min(G.points["K"][:2]))
-    assert 0.0 < expected <= 0.2
-    assert (float(G.state.rate), int(G.state.planned)) == (pytest.approx(0.0 if moves else expected), 1)
-
-
 def test_braking_keeps_limit() -> None:
     G, R, v, a = on_its_way(900)
     G.state.contact.F_lo = G.state.contact.F_median = 0.8 * PAPER.force
@@ -249,21 +235,6 @@ def test_moving_average_is_the_mean() -> None:
         if len(raw) >= 8:
             mean = np.mean(raw[-8:], axis=0)
             np.testing.assert_allclose([H.state.out_s, H.state.out_rate, H.state.out_u], mean, rtol=1e-9, atol=1e-12)
-
-
-def test_snapshot_evolves_identically() -> None:
-    G, H = (Governor(BentPath(PAPER.way, 2.0), PAPER, window=8) for _ in range(2))
-    for k in range(600):
-        if k == 300:
-            for ours, theirs in zip(G.buffers, H.buffers, strict=True):
-                theirs[:] = ours
-        for g in (G, H) if k >= 300 else (G,):
-            if k == 320:
-                g.record_load(np.array([0.2, 0, 0, 0, 0, 0.0]), k * 1_000_000)
-                g.slip(k * 1_000_000, 1e-3)
-            _, R, v, a = g.before()
-            g.after(a, a, R, v[3:])
-    assert all(a.tobytes() == b.tobytes() for a, b in zip(G.buffers, H.buffers, strict=True))
 
 
 UNSHRUNK = (Phase.explicit, Phase.reuse, Phase.generate)

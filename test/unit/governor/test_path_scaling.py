@@ -72,11 +72,6 @@ def test_scale_changes_at_bounded_rate() -> None:
     assert record(state, PATH_SCALING).rate == 0.0
 
 
-def test_full_speed_loses_no_time() -> None:
-    state = scaling(1.0)
-    assert all(run_scaling(state, 1.0, dt, 0.5) == 0 for dt in (1, MS, 7 * MS + 1))
-
-
 def test_reference_waits_for_arm() -> None:
     assert call(path_scaling.scale_for_error, 0.15, 0.0, 0.3, 6.0) == 1.0
     assert call(path_scaling.scale_for_error, 0.0, 4.5, 0.3, 6.0) == pytest.approx(0.5)

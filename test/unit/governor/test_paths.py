@@ -75,15 +75,6 @@ def test_waypoints_are_passed() -> None:
     assert np.abs(at(1.0).twist).max() > 0.05
 
 
-def test_waypoints_are_reached_evenly() -> None:
-    values = {"kind": "waypoints", "waypoints": WAYPOINTS, "duration_s": 1.5}
-    path = make_path(build(TrajectoryParams, values, "test"))
-    for t, point in ((0.5, WAYPOINTS[:6]), (1.0, WAYPOINTS[6:12]), (9.9, WAYPOINTS[12:])):
-        at = reference_of(path, t, *START)
-        np.testing.assert_allclose(at.position, START[0] + point[:3], atol=ROUNDING)
-        np.testing.assert_allclose(at.rotation, exponential(np.array(point[3:])) @ START[1], atol=ROUNDING)
-
-
 def test_too_many_waypoints_are_refused() -> None:
     for count, fits in ((ROOM, True), (ROOM + 1, False)):
         params = build(TrajectoryParams, {"kind": "waypoints", "waypoints": (0.1,) * 6 * count}, "test")

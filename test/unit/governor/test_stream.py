@@ -28,7 +28,6 @@ from slip_vic_controller.path.stream import (
     plan_stream,
     stream_bound,
     take_queued,
-    waiting,
 )
 from slip_vic_controller.safety.modes import Mode
 from slip_vic_controller.sizes import NEVER, ROOM
@@ -154,13 +153,6 @@ def test_stream_bound_is_piecewise_linear() -> None:
     )
     for time, bound, slope in expected:
         assert stream_bound(stream, time) == pytest.approx((bound, slope)), time
-
-
-def test_waiting_stream_time() -> None:
-    stream = record(new(STREAM), STREAM)
-    assert waiting(stream, -5.0) == 0.0, "nothing has come yet"
-    stream.count, stream.points[0].time, stream.points[1].time = 2, 1.0, 3.0
-    assert [waiting(stream, time) for time in (1.5, 3.0, 4.0)] == [1.5, 0.0, 0.0]
 
 
 def test_unstamped_sample_uses_cycle_stamp() -> None:

@@ -125,6 +125,3 @@ def test_displacements_give_their_slip_velocity() -> None:
     invalid = made(DisplacementSample(10, np.full(7, np.nan), valid=False))
     assert not invalid.valid
     assert made(DisplacementSample(20, pose_of(np.zeros(6)))) is None, "no velocity over a gap"
-
-
-_ZERO = np.zeros(6)

@@ -10,9 +10,8 @@ import pytest
 
 from slip_core.errors import InputError
 from slip_core.params import build
-from slip_core.records import record
 from slip_vic_controller.law.attitude import LOG_REPORT, Coordinates
-from slip_vic_controller.law.config import LAW_CONFIG, make_law_config
+from slip_vic_controller.law.config import make_law_config
 from slip_vic_controller.params.controller_params import ControllerParams
 from test.referees.law_referee import about, referee_law
 from test.support.law_cases import PI, Case, random_case
@@ -194,20 +193,7 @@ def test_samples_for_the_observer_must_be_finite(contact: int, name: str) -> Non
     assert not case.motion(np.zeros(6))[0]
 
 
-def test_parameters_become_the_config() -> None:
-    values = {
-        "attitude": "rpy",
-        "contacts.position": (0.0, 0.0, 0.05, 0.0, 0.0, -0.05),
-        "contacts.orientation_xyzw": (0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0),
-        "contacts.slip_axes": (True, True, False, False, False, True) * 2,
-    }
-    config = record(make_law_config(build(ControllerParams, values, "test"), np.full(6, 30.0)), LAW_CONFIG)
-    assert (config.joints, config.contacts, config.attitude) == (6, 2, Coordinates.RPY)
-    assert (config.nullspace_stiffness, config.nullspace_damping) == (10.0, 2.0)
-    assert (config.sigma_min, config.most_damping) == (0.04, 0.1)
-    assert config.effort_limit.tolist() == [30.0] * 6 + [0.0] * 4
-    assert (config.contact[1].rotation == np.diag([1.0, -1.0, -1.0])).all()
-    assert config.contact[1].slip_axes.tolist() == [1, 1, 0, 0, 0, 1]
+def test_more_contacts_than_places_are_refused() -> None:
     many = {"position": (0.0,) * 15, "orientation_xyzw": (0.0, 0.0, 0.0, 1.0) * 5, "slip_axes": (True,) * 30}
     with pytest.raises(InputError, match="at most 4"):
         make_law_config(build(ControllerParams, {"contacts": many}, "test"), np.full(6, 30.0))

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from slip_core.records import new, record
+from slip_core.records import new
 from slip_vic_controller.law.rotation import exponential
-from slip_vic_controller.law.symbols import SLIP_ESTIMATE, SYMBOLS, no_symbols, published
+from slip_vic_controller.law.symbols import SYMBOLS, no_symbols, published
 from slip_vic_controller.sizes import MAX_JOINTS
 from test.support.call import call, flat
 from test.support.law_cases import random_case
@@ -37,18 +37,6 @@ def test_names_and_their_order_are_those_of_the_topic() -> None:
         assert list(names) == expected
         assert len(set(places)) == len(names)
     assert (published(MAX_JOINTS)[1] == np.arange(SYMBOLS.itemsize // 8)).all()
-
-
-def test_what_the_observer_knows_is_published() -> None:
-    case, estimate = random_case(1), new(SLIP_ESTIMATE)
-    case.evaluate()
-    known = record(estimate, SLIP_ESTIMATE)
-    known.sliding, known.significance, known.deviation[:], known.error[:] = 1.0, 12.5, range(6), range(6, 12)
-    numbers = case.symbols(estimate)
-    assert (numbers["sliding"], numbers["slip_significance"]) == (1.0, 12.5)
-    assert [numbers[f"slip_deviation_{axis}"] for axis in AXES] == list(range(6))
-    assert [numbers[f"slip_error_{axis}"] for axis in AXES] == list(range(6, 12))
-    assert [case.symbols()[f"slip_error_{axis}"] for axis in AXES] == [0.0] * 6
 
 
 def test_poses_and_flags_are_those_of_the_tick() -> None:

@@ -10,10 +10,10 @@ from slip_core.arrays import Array, inertia_from_six, matrix_from_quat_xyzw
 from slip_core.errors import InputError
 from slip_core.records import new, record
 from slip_vic.retime.path import GivenPath
-from slip_vic_controller.governor.layouts import GOVERNOR_CONFIG
-from slip_vic_controller.governor.plan import GRID_POINTS
+from slip_vic_controller.governor.layouts import GOVERNOR_CONFIG, GovernorConfig
+from slip_vic_controller.governor.plan import GRID_POINTS, sample_time
 from slip_vic_controller.params.controller_params import ControllerParams
-from slip_vic_controller.path.retiming import MEMORY, plan_timing, sample_times, step_timing, time_derivatives
+from slip_vic_controller.path.retiming import MEMORY, plan_timing, step_timing, time_derivatives
 
 LONGEST = 30.0
 """Times the duration of the path as given after which the search for a timing is given up."""
@@ -45,9 +45,8 @@ def retimed(path: GivenPath, config: Array, params: ControllerParams) -> list[Sa
     grasped.mass = params.object.mass
     grasped.inertia[:] = R.T @ inertia_from_six(params.object.inertia, "parameter object.inertia") @ R
     grasped.r[:] = R.T @ np.array(params.contacts.position[:3])
-    times = np.empty(GRID_POINTS)
-    sample_times(config, times)
-    motion = [path.pad(float(at)) for at in times]
+    mode = int(record(config, GOVERNOR_CONFIG).mode)
+    motion = [path.pad(sample_time(mode, i, path.duration)) for i in range(GRID_POINTS)]
     sampled = [np.concatenate((pad.rotation.ravel(), pad.twist, pad.acceleration)) for pad in motion]
     plan_timing(config, memory, np.array(sampled))
     state = grasped.governor

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from slip_core.compiled import part
 from slip_core.records import WholeArray
-from slip_core.vectors import IDENTITY, ZERO, Spatial, mat, put, put_mat, vec
+from slip_core.vectors import IDENTITY, ZERO, mat, put, put_mat, vec
+from slip_core.vectors import NOTHING as NO_MOTION
 from slip_vic_controller.arm.joint_estimate import clear_findings
 from slip_vic_controller.arm.tare import is_unchecked
 from slip_vic_controller.contact.observer import reset
@@ -176,9 +177,7 @@ def begin_law(
         if config.cycle.follows_stream != 0:
             rest_stream(task.stream, vec(arm.position), mat(arm.rotation))
         if config.cycle.follows_goals != 0:
-            rest_at(
-                task.goal, Reference(vec(arm.position), mat(arm.rotation), Spatial(ZERO, ZERO), Spatial(ZERO, ZERO))
-            )
+            rest_at(task.goal, Reference(vec(arm.position), mat(arm.rotation), NO_MOTION, NO_MOTION))
         if config.governor.mode != Governing.OFF:
             start_governor(config.governor, task.governor, state.pad)
 

@@ -161,15 +161,6 @@ def judge_impedance(params: ControllerParams, gains: Gains) -> tuple[Condition, 
     return judge_stiffness(gains.K_D, gains.D_D, gains.M_D, params.control_period_s + late_s)
 
 
-def steady(gains: Array) -> Array:
-    """Return the RAMP that stays at a LAW_GAINS."""
-    buffer = new(RAMP)
-    ramp: Ramp = record(buffer, RAMP)
-    given: LawGains = record(gains, LAW_GAINS)
-    ramp.start, ramp.target = given, given
-    return buffer
-
-
 def make_ramp(start: Array, target: Array, begin_ns: int, least_s: float) -> Array:
     """Return the RAMP between two LAW_GAINS, as long as stability requires, and never shorter than `least_s` [s]."""
     buffer = new(RAMP)

@@ -23,15 +23,9 @@ from slip_core.records import Records
 from slip_core.vectors import NOTHING, ZERO, Mat, Spatial, Vec, spatial
 from slip_vic_controller.law.arm import Pose
 from slip_vic_controller.law.config import LawConfig
-from slip_vic_controller.law.contact import ContactSample, contact_arm, pad_rotation
+from slip_vic_controller.law.contact import ContactSample, pad_rotation
 from slip_vic_controller.law.gains import Gains, LawGains
-from slip_vic_controller.law.object import ObjectMotion, contact_position, solve_symmetric
-
-
-@part
-def arm_of(config: LawConfig, gains: LawGains, slips: Records[Pose], o_R_c: Mat, i: int) -> Vec:
-    """Return r_i = x_c,i - x_o on the axes of the own pad [m]; o_R_c: its attitude on the object."""
-    return contact_arm(o_R_c, contact_position(config, gains, i), config.contact[i], slips[i])
+from slip_vic_controller.law.object import ObjectMotion, arm_of, solve_symmetric
 
 
 @part

@@ -15,7 +15,7 @@ sensors, time or modes.
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any, Protocol
 
 from slip_core.arrays import Array
 from slip_core.cholesky import LARGEST, all_finite
@@ -48,17 +48,6 @@ class Given(Protocol):
     slips: Records[Pose]
     reference: DesiredMotion
     law: Evaluation
-
-
-class MotionToPredict(Protocol):
-    """What an observer takes of the object's motion, see its record."""
-
-    rotation: Array
-    v_ee: Array
-    follow: Array
-    force: Array
-    drag: Array
-    w_o: Array
 
 
 @part
@@ -203,7 +192,7 @@ def finite_pose(position: Array, rotation: Array) -> bool:
 @part
 def predict_motion(
     config: LawConfig, gains: LawGains, arm: Arm, samples: Records[ContactSample], slips: Records[Pose],
-    slip_twist: Array, motion: MotionToPredict,
+    slip_twist: Array, motion: Any,
 ) -> bool:  # fmt: skip
     """Write what an observer takes of the object's motion; return whether every sample is finite.
 
@@ -214,8 +203,8 @@ def predict_motion(
         samples: of each contact.
         slips: of each contact, before the slip of this cycle is known.
         slip_twist: v_s of the observer's last tick; (6,) [m/s, rad/s] {ee}.
-        motion: result, all {w}: rotation R_ee; v_ee; follow = G^T a_o + Phi2 and force = G^T a_o - gravity (6,);
-            drag = -f_ee / m and w_o (3,).
+        motion: result, the observer's record, all {w}: rotation R_ee; v_ee; follow = G^T a_o + Phi2 and force = G^T a_o
+            - gravity (6,); drag = -f_ee / m and w_o (3,).
 
     Implements: Eq. (10), (14), (17), G^T a_o + Phi2.
     """

@@ -42,9 +42,13 @@ def integrate_slips(
 
 
 @part
-def contact_position(config: LawConfig, gains: LawGains, i: int) -> Vec:
-    """Return o_x_p of contact i [m] {o}: that of the own one comes with the payload."""
-    return vec(gains.contact_position) if i == 0 else vec(config.contact[i].position)
+def arm_of(config: LawConfig, gains: LawGains, slips: Records[Pose], o_R_c: Mat, i: int) -> Vec:
+    """Return r_i = x_c,i - x_o on the axes of the own pad [m]; o_R_c: its attitude on the object.
+
+    Where the own pad is on the object comes with the payload.
+    """
+    o_x_p = vec(gains.contact_position) if i == 0 else vec(config.contact[i].position)
+    return contact_arm(o_R_c, o_x_p, config.contact[i], slips[i])
 
 
 @part
@@ -68,13 +72,12 @@ def object_motion(
     Implements: Eq. (10), (11), (14): a_o = -B_o^-1 (C_o v_o + g_o + h_o).
     """
     o_R_c = pad_rotation(config.contact[0], slips[0])
-    r = contact_arm(o_R_c, contact_position(config, gains, 0), config.contact[0], slips[0])
+    r = arm_of(config, gains, slips, o_R_c, 0)
     w_o = R_ee.T() @ w_ee - slip_angular
     h_o = G(r, spatial(samples[0].wrench))
     for i in range(1, config.contacts):  # the other arms' contacts
-        contact, slip = config.contact[i], slips[i]
-        r_i = contact_arm(o_R_c, contact_position(config, gains, i), contact, slip)
-        h_o = h_o + G(r_i, o_R_c.T() @ pad_rotation(contact, slip) @ spatial(samples[i].wrench))
+        h_i = o_R_c.T() @ pad_rotation(config.contact[i], slips[i]) @ spatial(samples[i].wrench)
+        h_o = h_o + G(arm_of(config, gains, slips, o_R_c, i), h_i)
     mass, J_o = gains.object.mass, o_R_c.T() @ (mat(gains.object.inertia) @ o_R_c)
     linear = R_ee.T() @ vec(gains.object.gravity) - (1.0 / mass) * h_o.linear
     angular = -solve_symmetric(J_o, h_o.angular + w_o.cross(J_o @ w_o))

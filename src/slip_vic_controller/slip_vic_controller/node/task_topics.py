@@ -81,13 +81,13 @@ class TaskTopics:
         self._last: CycleResult | None = None
         self._feed: JointFeed | None = None
         self._goals = GoalWatch(session)
-        self._used = create_publisher(node, "controller/reference_used") if session.controller.external else None
+        self._used = create_publisher(node, "controller/reference_used") if session.controller.first.external else None
         taken: dict[str, Any] = {}
         if params.trajectory.kind == "topic":
             taken["reference"] = self._on_reference
             if len(session.arms) == 1:
                 taken["joint_trajectory"] = self._on_trajectory
-        elif session.controller.external:
+        elif session.controller.first.external:
             taken["goal"] = self._on_goal
         for name, callback in taken.items():
             create_subscription(node, name, callback, depth=STATE_DEPTH[True], reliable=False)

@@ -111,10 +111,6 @@ class JointPath:
             arm.position.copy(), arm.rotation.copy(), arm.twist.copy(), product(arm.J[:, :n], qdd) + arm.jdot_qd
         )  # fmt: skip
 
-    def reference(self, t: float, stamp_ns: int) -> CartesianReference:
-        """Return the desired motion of the pad with this stamp."""
-        return CartesianReference(*self.pad(t), stamp_ns)
-
     def check_motion(self, q: Array, velocity_limit: Array) -> None:
         """Refuse a path that an arm at joint positions q (n,) cannot follow now; velocity_limit (n,) [rad/s].
 
@@ -169,7 +165,7 @@ class JointFeed:
             return None
         time = self._time + self._period_s if self._period_s else (now_ns - self._begin_ns) * 1e-9
         self._time = min(time, self.path.duration)
-        return self.path.reference(self._time, self._begin_ns + round(1e9 * self._time))
+        return CartesianReference(*self.path.pad(self._time), self._begin_ns + round(1e9 * self._time))
 
 
 def spline(times: Array, values: Array) -> BSpline:

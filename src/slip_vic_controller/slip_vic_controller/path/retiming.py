@@ -16,7 +16,7 @@ from slip_core.vectors import NOTHING, ZERO, mat, spatial, vec
 from slip_vic_controller.governor import governor
 from slip_vic_controller.governor.layouts import GOVERNOR, GOVERNOR_CONFIG, PAD, GovernorConfig
 from slip_vic_controller.governor.load import ALONE, Held, size, weight
-from slip_vic_controller.governor.plan import GRID_POINT, GRID_POINTS, along, sample_time
+from slip_vic_controller.governor.plan import GRID_POINT, GRID_POINTS, along
 from slip_vic_controller.governor.step import Pad
 from slip_vic_controller.path.paths import Reference
 
@@ -35,14 +35,6 @@ def held_object(config: GovernorConfig, memory: Any) -> Held:
     return Held(memory.mass, mat(memory.inertia), vec(memory.r), weights, gravity, ALONE)
 
 
-@kernel(VOID(IN1, OUT1))
-def sample_times(config: Array, out: Array) -> None:
-    """Write the path's own times at which its plan samples it (GRID_POINTS,) [s]; config: GOVERNOR_CONFIG."""
-    c = record(config, GOVERNOR_CONFIG)
-    for i in range(GRID_POINTS):
-        out[i] = sample_time(c.mode, i, c.duration)
-
-
 @kernel(VOID(IN1, OUT1, IN2))
 def plan_timing(config: Array, memory: Array, motion: Array) -> None:
     """Plan a path, with the object at rest at its start.
@@ -50,7 +42,7 @@ def plan_timing(config: Array, memory: Array, motion: Array) -> None:
     Args:
         config: GOVERNOR_CONFIG.
         memory: MEMORY; changed.
-        motion: of the pad at the `sample_times` (GRID_POINTS, 21) {w}: attitude by rows, twist and acceleration over
+        motion: of the pad at each `sample_time` (GRID_POINTS, 21) {w}: attitude by rows, twist and acceleration over
             the path's own time.
     """
     c, m = record(config, GOVERNOR_CONFIG), record(memory, MEMORY)

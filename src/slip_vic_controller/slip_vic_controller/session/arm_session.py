@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from slip_core.arrays import Array, readonly
 from slip_core.records import new, place, record
-from slip_core.types import CartesianReference, DisplacementSample, JointSample, SlipSample, WrenchSample
+from slip_core.types import DisplacementSample, JointSample, SlipSample, WrenchSample
 from slip_vic_controller.arm.config import with_measured_noise
 from slip_vic_controller.config import renew_config, use_noise
 from slip_vic_controller.contact.layouts import ROW_SIZE
@@ -388,9 +388,3 @@ def joint_sample(record: JointRecord, joints: int) -> JointSample:
     """Return a copy of the joint state in a record."""
     position, velocity, effort = (of[:joints].copy() for of in (record.position, record.velocity, record.effort))
     return JointSample(int(record.stamp_ns), position, velocity, effort)
-
-
-def write_reference(reference: CartesianReference, out: Any) -> None:
-    """Write a reference to a REFERENCE."""
-    out.position, out.rotation = reference.position, reference.rotation
-    out.twist, out.acceleration = reference.twist, reference.acceleration

@@ -15,7 +15,7 @@ from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.config import make_config
 from slip_vic_controller.contact.config import capacity
 from slip_vic_controller.contact.layouts import ROW_SIZE
-from slip_vic_controller.law.gains import RAMP, gain_report, steady
+from slip_vic_controller.law.gains import RAMP, gain_report, make_ramp
 from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.safety.conditions import Reason, forget_conditions
 from slip_vic_controller.sizes import NEVER
@@ -69,15 +69,9 @@ class Controller:
             name: ArmController(of, urdfs[name], lockstep=lockstep, arms=len(params)) for name, of in params.items()
         }
         self.first = next(iter(self.arms.values()))
-        self.external = self.first.external
         self.rows = max(arm.rows for arm in self.arms.values())
         self.config = np.concatenate([arm.config for arm in self.arms.values()])
         self.config.setflags(write=False)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the arms."""
-        return tuple(self.arms)
 
     def new_state(self) -> Array:
         """Return the state before the first cycle: TASK_STATE, ARM_STATE of each arm, histories of their observers."""
@@ -93,7 +87,7 @@ class Controller:
                 slip.rotation[:] = np.eye(3)
             row.sliding_ns = -1  # what slides in the very first sample is believed
             row.tare.begun_ns = row.tare.wrench_ns = NEVER
-            row.observed.path_speed, row.tuned = 1.0, steady(arm.gains).view(RAMP)[0]
+            row.observed.path_speed, row.tuned = 1.0, make_ramp(arm.gains, arm.gains, 0, 0.0).view(RAMP)[0]
             row.grip.command = row.grip.actual = arm.params.grip.nominal_force
         return state
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from slip_vic_controller.cycle.cycle import cycle
 from slip_vic_controller.law.gains import gain_report
 from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.safety.modes import Request
-from slip_vic_controller.session.arm_session import ArmSession, write_reference
+from slip_vic_controller.session.arm_session import ArmSession
 from slip_vic_controller.session.controller import Controller
 from slip_vic_controller.session.cycle_result import CycleResult
 from slip_vic_controller.session.manifest import Manifest
@@ -68,7 +69,7 @@ class ControllerSession:
         self._lockstep, self.config = controller.lockstep, controller.config
         self._governed_stream = governed_stream(controller.first.params)
         self._ahead: frozenset[int] = frozenset()  # answered for joint states that other arms have yet to bring
-        self.arms = tuple(ArmSession(self, name, k) for k, name in enumerate(controller.names))
+        self.arms = tuple(ArmSession(self, name, k) for k, name in enumerate(controller.arms))
         pads = max(len(self.arms), self.arms[0].contacts)
         self.manifest: Manifest | None = None
         self.wrench_counts, self.slip_counts = [0] * pads, [0] * pads
@@ -118,7 +119,7 @@ class ControllerSession:
                 raise InputError(f"reference: {what}", got=f"{largest:.3g}", expected=f"at most {MOST:g}")
         task = self.task
         task.taken += 1
-        given = task.reference
+        given: Any = task.reference
         if self._governed_stream:
             stream = task.stream
             if stream.queued == ROOM:
@@ -130,7 +131,9 @@ class ControllerSession:
             stream.queued += 1
         else:
             task.reference_known = 1
-        write_reference(self._of_first_pad(reference), given)
+        of_pad = self._of_first_pad(reference)
+        given.position, given.rotation = of_pad.position, of_pad.rotation
+        given.twist, given.acceleration = of_pad.twist, of_pad.acceleration
 
     def set_goal(self, goal: PoseGoal) -> None:
         """Come to rest at this pose; the next cycle begins it, waits until the pad is at rest, or refuses it.
