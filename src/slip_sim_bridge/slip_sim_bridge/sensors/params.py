@@ -26,10 +26,11 @@ class SlipSensorParams(SlipSensorModel):
 
     saturation_linear: float = parameter(10.0, "largest linear reading of each axis", unit="m/s", gt=0.0)
     noise_position: float = parameter(
-        0.0, "slip_input displacement: standard deviation of each linear axis that can slip", unit="m", ge=0.0
-    )
-    noise_angle: float = parameter(
-        0.0, "slip_input displacement: standard deviation of each angular axis that can slip", unit="rad", ge=0.0
+        0.0,
+        "slip_input displacement: standard deviation of each linear axis that can slip; of an angle this over "
+        "friction.torsional_radius",
+        unit="m",
+        ge=0.0,
     )
     sees_pads: bool = parameter(
         False,

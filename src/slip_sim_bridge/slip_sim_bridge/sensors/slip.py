@@ -124,11 +124,12 @@ class DisplacementMeasurement:
 
     Args:
         reading: the slip sensor.
+        radius: at which an error of position is one of angle [m].
     """
 
-    def __init__(self, reading: SlipMeasurement) -> None:
+    def __init__(self, reading: SlipMeasurement, radius: float) -> None:
         self._reading = reading
-        self._deviation = np.repeat((reading.params.noise_position, reading.params.noise_angle), 3) * reading.axes
+        self._deviation = reading.params.noise_position * np.repeat((1.0, 1.0 / radius), 3) * reading.axes
 
     def __call__(self, truth: ObjectTruth, rng: Generator) -> DisplacementSample | None:
         """Return the measured pose, or None where the sample is lost."""

@@ -149,15 +149,15 @@ class SensorSuite:
         def stream(name: str) -> Generator:
             return np.random.default_rng(np.random.SeedSequence(params.seed, spawn_key=(_STREAMS[name],)))
 
-        slip, wrench = sensors.slip, sensors.wrench
+        slip, wrench, radius = sensors.slip, sensors.wrench, params.friction.torsional_radius
         axes = np.array(params.contacts.slip_axes[:6], dtype=float)
         self.slip_truth = attrgetter("seen" if slip.sees_pads else "slip")
         measure: Any = SlipMeasurement(slip, axes, stream("slip faults"))
         self._measure_slip: SlipMeasurement = measure
         if params.slip_input == "flag":
-            measure = FlagMeasurement(measure, params.friction.torsional_radius)
+            measure = FlagMeasurement(measure, radius)
         elif params.slip_input == "displacement":
-            measure, self.slip_truth = DisplacementMeasurement(measure), attrgetter("truth")
+            measure, self.slip_truth = DisplacementMeasurement(measure, radius), attrgetter("truth")
         self.slip: Sensor[SlipSample | DisplacementSample]
         self.slip = Sensor(measure, slip.rate_hz, slip.latency_s, stream("slip"))
         measure_wrench = WrenchMeasurement(wrench)
