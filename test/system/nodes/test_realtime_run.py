@@ -22,7 +22,6 @@ ASSIGNMENTS = (
     "control_period_s=0.02",
     "controller.gains.k_s=20.0",
     "controller.gains.stiffness=[5.0, 5.0, 100.0, 60.0, 60.0, 4.5]",  # what 20 ms admit
-    "controller.diagnostics.decimation=1",
 )
 
 

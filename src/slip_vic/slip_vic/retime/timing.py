@@ -10,7 +10,7 @@ from slip_core.arrays import Array, inertia_from_six, matrix_from_quat_xyzw
 from slip_core.errors import InputError
 from slip_core.records import new, record
 from slip_vic.retime.path import GivenPath
-from slip_vic_controller.governor.layouts import GOVERNOR_CONFIG, GovernorConfig
+from slip_vic_controller.governor.layouts import GOVERNOR_CONFIG
 from slip_vic_controller.governor.plan import GRID_POINTS, sample_time
 from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.path.retiming import MEMORY, plan_timing, step_timing, time_derivatives

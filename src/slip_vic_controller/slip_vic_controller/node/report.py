@@ -21,6 +21,7 @@ from slip_vic_controller.session.arm_session import ArmSession
 from slip_vic_controller.session.cycle_result import CycleResult
 from slip_vic_controller.session.incidents import IncidentWatch
 
+SYMBOLS_PERIOD_NS = 10_000_000
 GO_ON = "; to continue call ~/reset_fault, then ~/enable"
 ENABLE = "; to continue call ~/enable"
 LEVELS = {Mode.ACTIVE: OK, Mode.DEGRADED: WARN, Mode.HOLD: WARN, Mode.WAITING_INPUT: WARN, Mode.FAULT: ERROR}
@@ -37,7 +38,7 @@ EVALUATED: tuple[tuple[str, forms.Form, Callable[[CycleResult, Scalars], Any]], 
 
 
 class ArmReport:
-    """Reports of one arm: what has changed, every `diagnostics.decimation`-th cycle, and each second on /diagnostics.
+    """Reports of one arm: what has changed, the symbols of the law every 10 ms, and a status each second.
 
     Args:
         node: owner of the publishers.
@@ -71,6 +72,7 @@ class ArmReport:
         self._mode_period = self._timing_period = -1
         """Periods in which they were last on /diagnostics; those of the timing begin half a period later, since both
         in one cycle would make the next one late."""
+        self._symbols_period = -1
 
     @property
     def publishers(self) -> tuple[Any, ...]:
@@ -96,8 +98,10 @@ class ArmReport:
     def publish(self, result: CycleResult) -> None:
         """Report a cycle."""
         self._report_mode(result)
-        if not len(result.numbers) or result.cycle % self._params.diagnostics.decimation:
+        period = result.joint.stamp_ns // SYMBOLS_PERIOD_NS
+        if not len(result.numbers) or period == self._symbols_period:
             return
+        self._symbols_period = period
         stamp_ns, scalars, record = result.joint.stamp_ns, result.scalars(), result.record
         shown = scalars | {"mode": float(result.mode), "path_speed": result.path_speed}
         if self._scalars is None:  # the names are the same in every cycle, and known with the first

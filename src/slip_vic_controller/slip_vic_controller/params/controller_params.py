@@ -205,12 +205,6 @@ class TrajectoryParams(ParameterModel):
         return self
 
 
-class DiagnosticsParams(ParameterModel):
-    """How often the node publishes the symbols of the law."""
-
-    decimation: int = parameter(10, "the symbols of the law are published at every n-th tick", runtime=True, ge=1)
-
-
 class ControllerParams(ArmParams):
     """All parameters of one arm of the controller."""
 
@@ -249,7 +243,6 @@ class ControllerParams(ArmParams):
     singularity: SingularityParams = Field(default_factory=SingularityParams)
     safety: SafetyParams = Field(default_factory=SafetyParams)
     trajectory: TrajectoryParams = Field(default_factory=TrajectoryParams)
-    diagnostics: DiagnosticsParams = Field(default_factory=DiagnosticsParams)
 
     @model_validator(mode="after")
     def _grip_follows_a_governed_path(self) -> ControllerParams:
