@@ -17,7 +17,7 @@ from slip_core.arrays import Array, inertia_from_six, vector
 from slip_core.compiled import IN1, INT, OUT1, VOID, kernel, part
 from slip_core.records import Mat3, Real, Record, Vec3, Vec6, Whole, dtype_of, new, record
 from slip_vic_controller.law.bounds import Condition, GainReport, check, judge_gains, judge_stiffness, slip_gain_limit
-from slip_vic_controller.params.controller_params import ControllerParams, GainParams
+from slip_vic_controller.params.controller_params import ControllerParams
 
 UNKNOWN_LAG = 0.3
 """Uncertain share of the configured lag of drives, which stays in the slip loop where slip is predicted: the object's
@@ -87,14 +87,26 @@ RAMP = dtype_of(Ramp)
 def make_law_gains(params: ControllerParams, k_s: float) -> Array:
     """Return LAW_GAINS of the parameters, with the k_s [1/s] that `gain_report` found.
 
+    Classical impedance control has slip activation and fading off. With spin bounded, the angular stiffness does not
+    fade, and the compensation turns no faster than the stiffness of the softest axis that can slip takes back at
+    `spin_excursion`.
+
     Raises:
         InputError: an inertia that no body can have.
     """
     buffer = new(LAW_GAINS)
     out: LawGains = record(buffer, LAW_GAINS)
-    axes = np.array(params.contacts.slip_axes[:6], dtype=float)
-    fill_gains(params.gains, axes, k_s, out.gains, classical=params.controller == "classical")
-    slow_down(out.gains, params.fastest_rate)
+    given, gains = params.gains, out.gains
+    on, bounded = 0.0 if params.controller == "classical" else 1.0, given.spin == "bounded"
+    turning = 0.0 if bounded else on
+    gains.K_D[:], gains.D_D[:], gains.M_D[:] = given.stiffness, given.damping, given.inertia
+    gains.gamma_k[:] = [on * given.gamma_kp] * 3 + [turning * given.gamma_ko] * 3
+    gains.gamma_d[:] = [on * given.gamma_dp] * 3 + [turning * given.gamma_do] * 3
+    gains.alpha, gains.k_s, gains.kappa = on * given.alpha, k_s, given.kappa
+    gains.characteristic_length = given.characteristic_length if bounded else 1.0
+    ratio = (gains.K_D / gains.M_D)[3:][np.array(params.contacts.slip_axes[3:6], dtype=bool)]
+    gains.spin_limit = float(ratio.min()) * given.spin_excursion if bounded and ratio.size else math.inf
+    slow_down(gains, params.fastest_rate)
     out.object.mass = params.object.mass
     out.object.inertia[:] = inertia_from_six(params.object.inertia, "parameter object.inertia")
     out.object.gravity[:] = vector(params.gravity, 3, "gravity")
@@ -110,24 +122,6 @@ def slow_down(gains: Gains, fastest: float) -> None:
     slower = np.minimum(1.0, fastest * np.array(gains.M_D) / np.array(gains.D_D))
     gains.D_D[:] *= slower
     gains.K_D[:] *= slower * slower
-
-
-def fill_gains(params: GainParams, slip_axes: Array, k_s: float, gains: Gains, *, classical: bool) -> None:
-    """Write the gains; classical impedance control has slip activation and fading off.
-
-    With spin bounded, the angular stiffness does not fade, and the compensation turns no faster than the stiffness of
-    the softest axis that can slip takes back at `spin_excursion`; slip_axes (6,) 0 or 1 on pad axes.
-    """
-    on = 0.0 if classical else 1.0
-    bounded = params.spin == "bounded"
-    turning = 0.0 if bounded else on
-    gains.K_D[:], gains.D_D[:], gains.M_D[:] = params.stiffness, params.damping, params.inertia
-    gains.gamma_k[:] = [on * params.gamma_kp] * 3 + [turning * params.gamma_ko] * 3
-    gains.gamma_d[:] = [on * params.gamma_dp] * 3 + [turning * params.gamma_do] * 3
-    gains.alpha, gains.k_s, gains.kappa = on * params.alpha, k_s, params.kappa
-    gains.characteristic_length = params.characteristic_length if bounded else 1.0
-    ratio = (gains.K_D / gains.M_D)[3:][slip_axes[3:] > 0.0]
-    gains.spin_limit = float(ratio.min()) * params.spin_excursion if bounded and ratio.size else math.inf
 
 
 def gain_report(params: ControllerParams, *, refuse: bool = True) -> GainReport:

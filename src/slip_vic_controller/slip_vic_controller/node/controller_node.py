@@ -214,7 +214,7 @@ class SlipVicController(GuardedNode, LifecycleNode):
         if self._lockstep:
             inputs.append(
                 create_receiver(
-                    self, "lockstep_tick", ("data",), lambda _: _manifest, self._on_tick, self._refusals,
+                    self, "lockstep_tick", ("data",), lambda _: Manifest.decode, self._on_tick, self._refusals,
                     depth=STATE_DEPTH[True], reliable=True, stamp="",
                 )
             )  # fmt: skip
@@ -312,7 +312,3 @@ def make_controller(params: Mapping[str, ControllerNodeParams]) -> Controller:
     shared(params, COMMON, "one process controls all arms")
     lockstep = next(iter(params.values())).mode == "lockstep"
     return Controller(params, {name: on_base(arm_urdf(of), of.base) for name, of in params.items()}, lockstep=lockstep)
-
-
-def _manifest(_stamp_ns: int, numbers: Any) -> Manifest:
-    return Manifest.decode(numbers.tolist())

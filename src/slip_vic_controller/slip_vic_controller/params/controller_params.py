@@ -12,9 +12,14 @@ from slip_core.device_params import SLIP_INPUT, DriveModel, SlipInput, SlipSenso
 from slip_core.grasp_params import ArmParams, Six, Three
 from slip_core.params import ParameterModel, parameter, parameter_unit, range_of
 from slip_vic_controller.params.arm_params import DisturbanceParams, JointSensorConfig, TareParams
-from slip_vic_controller.params.interface_params import CommandParams, EffortParams, GripParams, WrenchParams
+from slip_vic_controller.params.interface_params import (
+    CommandParams,
+    EffortParams,
+    GripParams,
+    WrenchParams,
+    WrenchSensorModel,
+)
 from slip_vic_controller.params.safety_params import SafetyParams
-from slip_vic_controller.params.slip_params import WrenchSensorModel
 
 FOLLOWED = 2.5
 """Phase [rad] that the drives' lag may cost at the crossover of the impedance: the estimate takes it out as far as the

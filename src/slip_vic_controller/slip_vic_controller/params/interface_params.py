@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
+from slip_core import device_params
 from slip_core.device_params import CommandInterface, GripperModel
 from slip_core.grasp_params import Three
 from slip_core.params import ParameterModel, parameter
@@ -38,6 +39,13 @@ class WrenchParams(ParameterModel):
         0.0, "mass between sensor and pad, whose weight is taken out of the wrench", unit="kg", ge=0.0
     )
     tool_com: Three = parameter((0.0, 0.0, 0.0), "its centre of mass as seen from ee_frame, on its axes", unit="m")
+
+
+class WrenchSensorModel(device_params.WrenchSensorModel):
+    """What is known of the wrench sensor, and by how much it may be off."""
+
+    bias_force: float = parameter(0.1, "expected size of a constant force error", unit="N", gt=0.0)
+    bias_torque: float = parameter(2e-3, "expected size of a constant torque error", unit="N m", gt=0.0)
 
 
 class EffortParams(ParameterModel):

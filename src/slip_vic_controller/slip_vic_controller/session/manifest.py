@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from slip_core.errors import InputError
 
@@ -17,12 +16,13 @@ class Manifest(NamedTuple):
     slip_counts: tuple[int, ...]
 
     @staticmethod
-    def decode(data: Sequence[int]) -> Manifest:
-        """Read [tick, sec, nanosec, wrench count, slip count, ... per contact]; [ns] inside.
+    def decode(_stamp_ns: int, numbers: Any) -> Manifest:
+        """Read [tick, sec, nanosec, wrench count, slip count, ... per contact] of a message without a stamp.
 
         Raises:
             InputError: a list of another length.
         """
+        data = numbers.tolist()
         if len(data) < 5 or len(data) % 2 == 0:
             raise InputError("lockstep tick", got=f"{len(data)} numbers", expected="3, and 2 more per contact")
         return Manifest(data[0], data[1] * 1_000_000_000 + data[2], tuple(data[3::2]), tuple(data[4::2]))
