@@ -135,15 +135,6 @@ def governed_stream(params: ControllerParams) -> bool:
     return params.trajectory.kind == "topic" and params.governor.mode != "off"
 
 
-def gate_shut(params: ControllerParams) -> bool:
-    """Return whether the law takes the object as held, whatever the slip sensor reports.
-
-    A flag reports no speed; and below a governor, which prevents slip, compensation answers what noise and delays make
-    of the slip velocity.
-    """
-    return params.slip_input == "flag" or params.governor.mode != "off"
-
-
 def _copy(config: Any, name: str, buffer: Array, layout: np.dtype[np.void]) -> None:
     config[name] = buffer.view(layout)[0]
 
@@ -157,7 +148,8 @@ def _fill_cycle(cycle: CycleConfig, params: ControllerParams, joints: int) -> No
     cycle.posture_given = int(bool(posture))
     cycle.has_observer = int(params.slip_estimator == "observer")
     cycle.follows_stream, cycle.follows_goals = int(governed_stream(params)), int(params.trajectory.kind == "goal")
-    cycle.gate_shut = int(gate_shut(params))
+    # A flag reports no speed; and below a governor, which prevents slip, compensation answers noise and delays.
+    cycle.gate_shut = int(params.slip_input == "flag" or params.governor.mode != "off")
     cycle.models_wrench = int(params.wrench.source == "none")
     cycle.leaves_gravity = int(params.effort.gravity == "robot_compensates")
     if params.foresees_slip and cycle.gate_shut == 0:

@@ -434,7 +434,7 @@ def starts_of(session: OneArm, joint: JointSample) -> list[NDArray[np.float64]]:
         found = [getattr(joint, interface), known[:n].copy(), rest[:n].copy()]
         return [start for start in found if np.isfinite(start).all()]
     starts = [joint.effort] if np.isfinite(joint.effort).all() else []
-    return [*starts, session.gravity] if session.begun else starts
+    return [*starts, session.state.law.gravity[: len(joint.position)].copy()] if session.begun else starts
 
 
 def run_trial(plan: Plan) -> Verdict:

@@ -47,7 +47,7 @@ class Path:
         for _ in range(cycles):
             result = self.made_up.run(1, **{**STILL, **given})
             self.modes.append(result.mode)
-            sigma = result.path_speed
+            sigma = float(result.record.path_scale)
             if result.record.evaluated and result.ok:
                 self.path_s += 0.001 * sigma
                 planned, found = self.planned(self.path_s), result.record.reference
@@ -122,7 +122,8 @@ def test_silence_leads_to_gravity_compensation() -> None:
         first = wait(made_up, 1)
         assert first is not None
         assert (first.mode, first.reason, first.ok) == (Mode.HOLD, "joint state is silent", False)
-        gravity, efforts = made_up.session.gravity, [last.command.numbers, first.command.numbers]
+        gravity = made_up.session.state.law.gravity[:N].copy()
+        efforts = [last.command.numbers, first.command.numbers]
         assert np.abs(efforts[0] - gravity).max() > 6.0
         while (result := wait(made_up, 4 * MS)) is not None:
             efforts.append(result.command.numbers)

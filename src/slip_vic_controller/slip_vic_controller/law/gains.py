@@ -16,7 +16,7 @@ import numpy as np
 from slip_core.arrays import Array, inertia_from_six, vector
 from slip_core.compiled import IN1, INT, OUT1, VOID, kernel, part
 from slip_core.records import Mat3, Real, Record, Vec3, Vec6, Whole, dtype_of, new, record
-from slip_vic_controller.law.bounds import Condition, GainReport, check, judge_gains, judge_stiffness, slip_gain_limit
+from slip_vic_controller.law.bounds import GainReport, check, judge_gains, judge_stiffness, slip_gain_limit
 from slip_vic_controller.params.controller_params import ControllerParams
 
 UNKNOWN_LAG = 0.3
@@ -127,7 +127,8 @@ def slow_down(gains: Gains, fastest: float) -> None:
 def gain_report(params: ControllerParams, *, refuse: bool = True) -> GainReport:
     """Return the verdict on the gains of the configured slip loop, with the delays of slip sensor and drives.
 
-    An observer takes those of the sensor out, and the prediction of the slip those of the drives, as far as known.
+    An observer takes those of the sensor out, and the prediction of the slip those of the drives, as far as known. The
+    stiffness in effect is judged with a period and the delay that the prediction of the joints leaves.
 
     Raises:
         InputError: an inertia that no body can have; where `refuse`, damping or a k_s for which a proposition has no
@@ -141,18 +142,13 @@ def gain_report(params: ControllerParams, *, refuse: bool = True) -> GainReport:
     used = min(params.gains.k_s, accepted)
     made = make_law_gains(params, used)
     propositions = judge_gains(np.array(params.gains.damping), used)
-    stiff = judge_impedance(params, record(made, LAW_GAINS).gains)
+    gains: Gains = record(made, LAW_GAINS).gains
+    known_s = params.drive_lag_s + params.joint_sensor.latency_s + params.joint_sensor.filter_s
+    late_s = max(UNKNOWN_LAG * known_s, LEAST_DELAY_S) if params.estimates_joints else 0.0
+    stiff = judge_stiffness(gains.K_D, gains.D_D, gains.M_D, params.control_period_s + late_s)
     if refuse:
         check(stiff if params.controller == "classical" else (*propositions, *stiff))  # it has no slip loop
     return GainReport(params.gains.k_s, used, accepted, (*propositions, *stiff), made)
-
-
-def judge_impedance(params: ControllerParams, gains: Gains) -> tuple[Condition, ...]:
-    """Judge the stiffness in effect, with a period and the delay that the prediction of the joints leaves."""
-    sensor = params.joint_sensor
-    known_s = params.drive_lag_s + sensor.latency_s + sensor.filter_s
-    late_s = max(UNKNOWN_LAG * known_s, LEAST_DELAY_S) if params.estimates_joints else 0.0
-    return judge_stiffness(gains.K_D, gains.D_D, gains.M_D, params.control_period_s + late_s)
 
 
 def make_ramp(start: Array, target: Array, begin_ns: int, least_s: float) -> Array:

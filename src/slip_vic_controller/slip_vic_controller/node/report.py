@@ -103,7 +103,7 @@ class ArmReport:
             return
         self._symbols_period = period
         stamp_ns, scalars, record = result.joint.stamp_ns, result.scalars(), result.record
-        shown = scalars | {"mode": float(result.mode), "path_speed": result.path_speed}
+        shown = scalars | {"mode": float(result.mode), "path_speed": float(record.path_scale)}
         if self._scalars is None:  # the names are the same in every cycle, and known with the first
             self._scalars = Sender(self._scalars_publisher, forms.scalars(tuple(shown)))
         self._scalars.send(stamp_ns, tuple(shown.values()))

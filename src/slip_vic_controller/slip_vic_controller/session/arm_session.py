@@ -128,11 +128,6 @@ class ArmSession:
         return bool(self._whole[_LAW_KNOWN])
 
     @property
-    def gravity(self) -> Array:
-        """Gravity torque at the last good joint state that was answered; (n,) [N m]."""
-        return readonly(self.state.law.gravity[: self._joints])
-
-    @property
     def tuned(self) -> ControllerParams:
         """The parameters that are in effect, or that gains and payload ramp to."""
         return self._tuned or self.controller.params

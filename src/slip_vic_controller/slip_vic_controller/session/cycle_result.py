@@ -22,7 +22,6 @@ _OK, _CAUSE = place(OUTPUTS, "ok").start, place(OUTPUTS, "mode.reason").start
 _REASON = slice(_CAUSE, _CAUSE + 4)
 _GOVERNED, _GOVERNED_NAMES = place(OUTPUTS, "governor"), GOVERNED.names or ()
 _GRIP = place(OUTPUTS, "grip").start
-_PATH_SCALE = place(OUTPUTS, "path_scale").start
 
 NO_NUMBERS = readonly(np.zeros(0))
 
@@ -92,11 +91,6 @@ class CycleResult:
     def grip(self) -> float:
         """Grip force that is commanded [N]."""
         return float(self.outputs[_GRIP])
-
-    @property
-    def path_speed(self) -> float:
-        """Speed along the path; 1 = the trajectory as planned."""
-        return float(self.outputs[_PATH_SCALE])
 
     @property
     def ok(self) -> bool:
