@@ -16,9 +16,11 @@ from slip_vic_controller.contact.friction_estimate import (
     PLAUSIBLE,
     Friction,
     certify,
+    put_certain,
     remember,
     slip_sample,
     start_friction,
+    suspect,
 )
 
 CONFIGURED, KEPT, THRESHOLD, DELAY_NS = 1.0, 0.95, 0.02, 100_000_000
@@ -60,6 +62,33 @@ def test_load_at_rest_raises_first_limit(friction: Friction, rests_with: float, 
     e = estimate(friction)
     start_friction(e.config, e.state, e.history, 1.1, rests_with)
     assert (e.state.F_median, e.state.first) == (first, first)
+
+
+# -- what the observer finds before a late sample shows it
+
+
+def suspected(e: SimpleNamespace, found: bool) -> float:
+    """Return what is certain to be carried after a cycle in which the observer finds slip or not [N]."""
+    put_certain(e.config, e.state)
+    suspect(e.config, e.state, e.history, found)
+    return float(e.state.F_lo)
+
+
+def test_finding_of_the_observer_bounds_what_is_certain_while_it_lasts() -> None:
+    e = estimate()
+    carry(e, 0, 0.8)
+    assert suspected(e, found=True) == pytest.approx(KEPT * 0.8)
+    carry(e, 1, 0.5)  # what is asked meanwhile is no evidence
+    assert suspected(e, found=True) == pytest.approx(KEPT * 0.8)
+    assert suspected(e, found=False) == CONFIGURED == e.state.F_median
+
+
+@pytest.mark.parametrize(("load", "slipping"), [(0.3, 0), (0.8, 1)])
+def test_small_load_and_known_slip_bound_nothing(load: float, slipping: int) -> None:
+    e = estimate()
+    e.state.slipping = slipping
+    carry(e, 0, load)
+    assert suspected(e, found=True) == CONFIGURED
 
 
 # -- slip samples

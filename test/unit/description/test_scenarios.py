@@ -46,3 +46,12 @@ def test_grip_holds_at_rest(name):
     if name == "vertical_plane":
         assert load == pytest.approx(0.85, abs=0.01)
         assert np.linalg.norm(h) < friction.mu_k * grip
+
+
+def test_governed_arms_that_share_an_object_are_stiff_enough() -> None:
+    soft, stiff = (load_scenario("pane_two_arms_flat", law=law).controller.gains for law in ("vic", "governed"))
+    assert soft.stiffness == (5.0, 5.0, 400.0, 450.0, 450.0, 4.5)
+    assert stiff.stiffness == (20.0, 20.0, 400.0, 450.0, 450.0, 18.0)
+    ratios = [np.divide(gains.damping, np.sqrt(gains.stiffness)) for gains in (soft, stiff)]
+    np.testing.assert_allclose(*ratios, rtol=1e-12)
+    assert load_scenario("paper_planar", law="governed").controller.gains.stiffness[0] == 5.0

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal, get_args
 
+import numpy as np
 import yaml
 from pydantic import Field
 
@@ -33,6 +34,7 @@ from slip_core.params import (
 from slip_sim_bridge.params import BridgeParams
 from slip_vic.presets import preset_text
 from slip_vic.presets.models import DrivePreset, SensorPreset, load_drive, load_sensor
+from slip_vic_controller.params.controller_params import GainParams
 from slip_vic_controller.params.node_params import ControllerNodeParams
 
 if TYPE_CHECKING:
@@ -64,6 +66,10 @@ PRINTED: dict[str, Any] = {"controller": "printed", "slip_estimator": "measured"
 
 GOVERNED: dict[str, Any] = {"governor.mode": "slow_down", "gains.spin": "bounded"}
 """Of the controller that is governed: the law below it bounds spin."""
+
+STIFF: Final = (20.0, 18.0)
+"""Least stiffness where several governed arms hold an object [N/m, N m/rad]: with the paper's 5 N/m, an arm that the
+friction of its gears keeps 1 cm off is pulled back with less than that friction, and the other arms pull at it."""
 
 
 class GraspFile(ParameterModel):
@@ -270,6 +276,8 @@ def load_scenario(
             if urdf is not None:
                 node["robot_description_file"] = str(urdf)
         own["controller"] |= law_settings(law, len(values))
+        if law == "governed" and len(values) > 1:
+            own["controller"] |= stiffened(own["controller"])
         if mode == "realtime":
             own["controller"] |= BOUNDED
         if sensor:
@@ -297,6 +305,15 @@ def law_settings(law: Law, arms: int) -> dict[str, Any]:
     if law == "governed":
         settings |= GOVERNED
     return settings
+
+
+def stiffened(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return stiffness and damping of a controller, axes softer than `STIFF` raised to it, their damping ratio kept."""
+    gains = GainParams()
+    stiffness = np.array(values.get("gains.stiffness", gains.stiffness), float)
+    factor = np.maximum(1.0, np.repeat(STIFF, 3) / stiffness)
+    damping = np.sqrt(factor) * values.get("gains.damping", gains.damping)
+    return {"gains.stiffness": (factor * stiffness).tolist(), "gains.damping": damping.tolist()}
 
 
 def _made(

@@ -77,6 +77,7 @@ class FrictionEvidence(Record):
     said_ns: Whole  # stamp of the first of them
     last_ns: Whole  # and of the newest sample that is no outlier
     way: Vec6  # m, that they have slipped; turning at the torsional radius
+    suspected_at: Real  # N, load at which the observer began to find a slip; 0 = it finds none, inf = it is known
 
 
 FRICTION_CONFIG, FRICTION_EVIDENCE = dtype_of(FrictionConfig), dtype_of(FrictionEvidence)
@@ -102,6 +103,7 @@ def start_friction(
     contact.carried = state.most_carried = min(at_rest + config.probe, contact.first)
     contact.slipping, contact.slip_ns = 0, NEVER
     state.count, state.events, state.said, state.said_ns, state.last_ns, state.way[:] = 0, 0, 0, NEVER, NEVER, 0.0
+    state.suspected_at = 0.0
     put_certain(config, contact)
 
 
@@ -222,6 +224,23 @@ def slip_sample(
 
 
 @part
+def suspect(config: FrictionConfig, contact: ContactEstimate, state: FrictionEvidence, found: bool) -> None:
+    """Let the load at which the observer finds a slip bound what is certain, until a slip sample confirms or denies it.
+
+    Samples come late. Nothing is learnt from the observer alone: with its finding the bound ends.
+    """
+    if not found:
+        state.suspected_at = 0.0
+    elif contact.slipping != 0:
+        state.suspected_at = math.inf
+    elif state.suspected_at == 0.0:
+        load = slipping_load(config, state, (state.count - 1) % LOADS)
+        state.suspected_at = load if load > LEAST_FRICTION * contact.F_median else math.inf
+    if state.suspected_at > 0.0:
+        contact.F_lo = min(contact.F_lo, config.kept * state.suspected_at)
+
+
+@part
 def learn_carried(config: FrictionConfig, contact: ContactEstimate, state: FrictionEvidence, carried: float) -> None:
     """Take the load [N at the nominal grip] that a slip left of what was asked.
 
@@ -242,6 +261,7 @@ def take_weaker(out: ContactEstimate, pad: ContactEstimate) -> None:
     """Let the estimate of all pads count with another pad where that one is weaker."""
     if pad.F_median < out.F_median:
         out.F_median, out.slipped_at = pad.F_median, pad.slipped_at
+    out.F_lo = min(out.F_lo, pad.F_lo)
     out.carried, out.first = min(out.carried, pad.carried), min(out.first, pad.first)
     out.slipping, out.slip_ns = max(out.slipping, pad.slipping), max(out.slip_ns, pad.slip_ns)
 
@@ -252,7 +272,7 @@ def share_friction(config: FrictionConfig, pad: ContactEstimate, weakest: Contac
 
     A slip of several pads is over when no sample of any has shown one for so long.
     """
-    pad.F_median, pad.slipped_at, pad.slip_ns = weakest.F_median, weakest.slipped_at, weakest.slip_ns
+    pad.F_lo, pad.F_median, pad.slipped_at = weakest.F_lo, weakest.F_median, weakest.slipped_at
+    pad.slip_ns = weakest.slip_ns
     lasts_ns = config.quiet_ns + config.sensor_delay_ns
     pad.slipping = 1 if weakest.slipping != 0 and now_ns - weakest.slip_ns < lasts_ns else 0
-    put_certain(config, pad)

@@ -14,6 +14,7 @@ from slip_vic_controller.contact.friction_estimate import (
     remember,
     share_friction,
     slip_sample,
+    suspect,
     take_weaker,
 )
 from slip_vic_controller.contact.wrench_evidence import compare_directions, lacks_load
@@ -55,7 +56,7 @@ def squeeze(config: ControllerConfig, task: TaskState, state: ArmState, dt: floa
     load = max(pad.commanded, pad.measured)
     if task.governor.planned == 1:
         load = max(load, load_ahead(task.grid, task.governor.time, config.grip.preview_s))
-    follow_load(config.grip, state.grip, load, pad.contact.F_median, dt)
+    follow_load(config.grip, state.grip, load, pad.contact.F_lo, dt)
     pad.grip = state.grip.actual / config.grip.nominal_force
 
 
@@ -93,6 +94,7 @@ def estimate_contact(
     if alone and dt > 0.0:
         weigh_evidence(config, state, outputs, measured, dt)
     put_certain(limits.friction, contact)
+    suspect(limits.friction, contact, friction, found)
     contact.variance[:] = state.observer.variance
     contact.age_ns = stamp_ns - state.slip_inputs[0].stamp_ns
     contact.wrench_health = SensorHealth.SILENT.value if state.wrench_modelled != 0 else SensorHealth.OK.value
