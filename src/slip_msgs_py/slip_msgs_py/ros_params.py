@@ -6,7 +6,7 @@ from array import array
 from collections.abc import Callable
 from typing import TypeVar
 
-from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -64,11 +64,27 @@ def declare_arms(node: Node, model: type[ParameterModel]) -> ParameterModel:
 
 
 def descriptor(info: ParameterInfo) -> ParameterDescriptor:
-    """Return the ROS description of one parameter; its bounds are the model's, whose errors name what is expected."""
+    """Return the ROS description of one parameter, with its range."""
     text = f"{info.description} [{info.unit}]" if info.unit else info.description
     result = ParameterDescriptor(name=info.name, description=text, read_only=not info.runtime)
     # ROS takes an empty list for one of bytes, and would refuse every list of numbers later.
     result.dynamic_typing = info.runtime and info.default == ()
+    bounds = info.bounds
+    low, high = bounds.get("ge", bounds.get("gt")), bounds.get("le", bounds.get("lt"))
+    if info.kind is float and (low is not None or high is not None):
+        result.floating_point_range = [
+            FloatingPointRange(
+                from_value=float(-1e308 if low is None else low), to_value=float(1e308 if high is None else high)
+            )
+        ]
+    if info.kind is int and (low is not None or high is not None):
+        result.integer_range = [
+            IntegerRange(
+                from_value=int(-(2**62) if low is None else low), to_value=int(2**62 if high is None else high), step=1
+            )
+        ]
+    if "one_of" in bounds:
+        result.additional_constraints = f"one of {', '.join(map(str, bounds['one_of']))}"
     return result
 
 

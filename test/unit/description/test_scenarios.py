@@ -49,7 +49,8 @@ def test_grip_holds_at_rest(name):
 
 
 def test_governed_arms_that_share_an_object_are_stiff_enough() -> None:
-    soft, stiff = (load_scenario("pane_two_arms_flat", law=law).controller.gains for law in ("vic", "governed"))
+    of_laws = (load_scenario("pane_two_arms_flat", law=law).controllers for law in ("vic", "governed"))
+    soft, stiff = (controllers["left"].gains for controllers in of_laws)
     assert soft.stiffness == (5.0, 5.0, 400.0, 450.0, 450.0, 4.5)
     assert stiff.stiffness == (20.0, 20.0, 400.0, 450.0, 450.0, 18.0)
     ratios = [np.divide(gains.damping, np.sqrt(gains.stiffness)) for gains in (soft, stiff)]

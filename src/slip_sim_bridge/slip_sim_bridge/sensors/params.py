@@ -7,6 +7,7 @@ from slip_core.grasp_params import Six, Three
 from slip_core.params import ParameterModel, parameter
 
 NO_BIAS: Six = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+CHIPS = 3
 
 
 class SlipFaultParams(ParameterModel):
@@ -16,6 +17,9 @@ class SlipFaultParams(ParameterModel):
     bias: Six = parameter(NO_BIAS, "constant added to readings, on pad axes", unit="m/s, rad/s", runtime=True)
     outlier_probability: float = parameter(0.0, "share of samples that are outliers", runtime=True, ge=0.0, le=1.0)
     dropout_probability: float = parameter(0.0, "share of samples that are lost", runtime=True, ge=0.0, le=1.0)
+    lifted_chips: int = parameter(
+        0, f"how many of {CHIPS} optical chips are off the object and read zero", runtime=True, ge=0, le=CHIPS
+    )
     frozen: bool = parameter(False, "repeat the last reading under new stamps", runtime=True)
     invalid: bool = parameter(False, "the sensor reports that it does not measure: samples are NaN", runtime=True)
     silent: bool = parameter(False, "publish nothing", runtime=True)

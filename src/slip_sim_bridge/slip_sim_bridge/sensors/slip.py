@@ -12,10 +12,12 @@ from numpy.random import Generator
 
 from slip_core.arrays import Array, readonly
 from slip_core.types import DisplacementSample, ObjectTruth, SlipSample
-from slip_sim_bridge.sensors.params import SlipSensorParams
+from slip_sim_bridge.sensors.params import CHIPS, SlipSensorParams
 
 _INVALID, _INVALID_POSE = (readonly(np.full(size, math.nan)) for size in (6, 7))
 _STILL = readonly(np.zeros(3))
+CHIP_RADIUS = 0.01
+"""Circle on which the chips of an optical sensor sit [m]."""
 FLAG_SPEED = 1e-3
 """|(v, rho w)| at which a flag rises [m/s]."""
 OUTLIER = readonly(np.array((0.2, 0.2, 0.2, 5.0, 5.0, 5.0)))
@@ -23,7 +25,7 @@ OUTLIER = readonly(np.array((0.2, 0.2, 0.2, 5.0, 5.0, 5.0)))
 
 
 class SlipMeasurement:
-    """Measures slip velocity: gain, noise, outliers, saturation, quantum, dead band; `faults` may be replaced any time.
+    """Measures slip velocity: chips, gain, noise, outliers, saturation, quantum, dead band; `faults` may be replaced any time.
 
     Args:
         params: the sensor.
@@ -64,6 +66,8 @@ class SlipMeasurement:
 
     def _read(self, truth: Array, noise: Array | None) -> Array:
         faults, twist = self.faults, truth
+        if faults.lifted_chips:
+            twist = lifted_chip_reading(twist, faults.lifted_chips)
         if faults.gain != 1.0:
             twist = faults.gain * twist
         if noise is not None:
@@ -96,6 +100,23 @@ def dead_band(twist: Array, linear: float, angular: float) -> Array:
     return (
         twist if moves and turns else np.concatenate((twist[:3] if moves else _STILL, twist[3:] if turns else _STILL))
     )
+
+
+def lifted_chip_reading(twist: Array, lifted: int) -> Array:
+    """Return what optical chips on a circle make of a twist while the first `lifted` of them read zero.
+
+    Every chip reads the two linear velocities at its place; x, y and the turn about z follow by least squares, as a
+    driver does that does not know which chip is off. twist (6,) [m/s, rad/s] {ee}.
+    """
+    angles = 2.0 * math.pi * np.arange(CHIPS) / CHIPS
+    rows = np.zeros((CHIPS, 2, 3))
+    rows[:, 0, 0] = rows[:, 1, 1] = 1.0
+    rows[:, 0, 2], rows[:, 1, 2] = -CHIP_RADIUS * np.sin(angles), CHIP_RADIUS * np.cos(angles)
+    readings = rows @ twist[[0, 1, 5]]
+    readings[:lifted] = 0.0
+    out = twist.copy()
+    out[[0, 1, 5]] = np.linalg.lstsq(rows.reshape(-1, 3), readings.ravel(), rcond=None)[0]
+    return out
 
 
 class FlagMeasurement:
