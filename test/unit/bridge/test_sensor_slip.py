@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from slip_core.params import build
 from slip_core.types import DisplacementSample, JointSample, ObjectTruth, SlipSample, WrenchSample
 from slip_sim_bridge.params import BridgeParams
-from slip_sim_bridge.sensors.slip import FLAG_SPEED, pose_of
+from slip_sim_bridge.sensors.slip import FLAG_SPEED, lifted_chip_reading, pose_of
 from slip_sim_bridge.sensors.suite import SensorSuite
 
 MS = 1_000_000
@@ -198,3 +198,15 @@ def test_each_setting_of_joint_sensors_alone_is_seen() -> None:
             for k in range(20)
         ]
         assert firsts == [k - k % hold for k in range(20)]
+
+
+def test_all_chips_lifted_read_zero() -> None:
+    np.testing.assert_allclose(lifted_chip_reading(MOVING, 0), MOVING, atol=ROUNDING)
+    assert np.abs(lifted_chip_reading(MOVING, 3)[[0, 1, 5]]).max() < ROUNDING
+
+
+def test_lifted_chip_takes_its_share() -> None:
+    straight = np.array([0.03, -0.02, 0.0, 0.0, 0.0, 0.0])
+    got = lifted_chip_reading(straight, 1)
+    np.testing.assert_allclose(got[:2], straight[:2] * 2.0 / 3.0, atol=ROUNDING)
+    assert abs(got[5]) > 0.1, "the missing chip looks like turning"

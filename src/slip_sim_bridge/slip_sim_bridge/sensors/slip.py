@@ -25,7 +25,7 @@ OUTLIER = readonly(np.array((0.2, 0.2, 0.2, 5.0, 5.0, 5.0)))
 
 
 class SlipMeasurement:
-    """Measures slip velocity: chips, gain, noise, outliers, saturation, quantum, dead band; `faults` may be replaced any time.
+    """Measures slip velocity: chips, gain, noise, outliers, saturation, quantum, dead band; `faults` may change.
 
     Args:
         params: the sensor.
