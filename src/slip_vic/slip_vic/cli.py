@@ -22,6 +22,7 @@ from slip_vic.page.cli import report, watch
 from slip_vic.replay.cli import verify
 from slip_vic.retime.cli import retime
 from slip_vic.setup.cli import arm, bringup, identify
+from slip_vic.setup.export import export
 
 if TYPE_CHECKING:
     from slip_vic.run.launcher import RunResult
@@ -195,7 +196,7 @@ def params(scenarios: tuple[str, ...], out: Path, reference: bool) -> None:
 
 
 bag.add_command(verify)
-for _command in (arm, bag, benchmark, bringup, check, identify, merge, report, retime, study, tune, watch):
+for _command in (arm, bag, benchmark, bringup, check, export, identify, merge, report, retime, study, tune, watch):
     cli.add_command(_command)
 
 

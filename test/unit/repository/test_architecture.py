@@ -15,7 +15,9 @@ ROS = {"rclpy", "rcl_interfaces", "std_srvs", "lifecycle_msgs"} | {
 NUMERIC = {"numpy", "yaml", "pydantic"}
 BAG_LIBRARIES = {"numpy", "yaml", "click", "rich", "mcap", "mcap_ros2", "zstandard", "lz4", "pandas"}
 SHELLS = {"slip_core", "slip_msgs_py"} | NUMERIC | ROS
-ROOMS = {"slip_core", "slip_msgs_py", "slip_description", "slip_vic_controller", "slip_sim_bridge", "slip_bags"}
+ROOMS = {
+    "slip_core", "slip_msgs_py", "slip_description", "slip_vic_controller", "slip_sim_bridge", "slip_bags", "slip_native",
+}  # fmt: skip
 TOOLS = {"click", "rich", "matplotlib", "pandas", "psutil", "scipy"}
 
 # Longest prefix wins. Each value: what a module may import besides the standard library and its own package.
@@ -49,6 +51,7 @@ ALLOWED = {
     "slip_sim_bridge.plant": {"numpy", "mujoco", "slip_core"},  # no other file knows MuJoCo
     "slip_sim_bridge.sensors": {"numpy", "pydantic", "slip_core"},
     "slip_bags": {"slip_core", "slip_msgs_py"} | BAG_LIBRARIES | ROS,
+    "slip_native": {"slip_core", "slip_vic_controller", "numba", "llvmlite"},
     "slip_vic": ROOMS | NUMERIC | TOOLS | ROS,
     "slip_vic.page": ROOMS | NUMERIC | {"click", "pandas", "scipy", "trimesh", "websockets"} | ROS,
     "slip_vic.retime": ROOMS | NUMERIC | {"click", "matplotlib", "mcap_ros2", "pandas", "scipy"},

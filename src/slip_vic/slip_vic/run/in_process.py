@@ -114,9 +114,9 @@ class ClosedLoop:
         return result
 
 
-def run_in_process(scenario: Scenario) -> Iterator[Tick]:
-    """Run a scenario in lockstep and yield every tick, until its duration is over."""
-    loop = ClosedLoop(scenario)
+def run_in_process(scenario: Scenario, loop: ClosedLoop | None = None) -> Iterator[Tick]:
+    """Run a scenario in lockstep and yield every tick, until its duration is over; loop: of the scenario, to look at."""
+    loop = loop or ClosedLoop(scenario)
     followed = [k for k, params in enumerate(scenario.bridges.values()) if params.grip.control == "follow"]
     watches, lost = {name: IncidentWatch() for name in scenario.controllers}, False
     while not loop.bridge.finished:

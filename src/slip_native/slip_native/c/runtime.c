@@ -1,0 +1,91 @@
+/* What the compiled cycle expects of its surroundings: room for small temporary arrays, and nothing to raise.
+ *
+ * numba keeps temporary arrays in counted blocks. Here they come from a fixed room of the calling thread, which is
+ * given back when they are let go, at the end of a call at the latest: no heap, no lock.
+ */
+#include <stdalign.h>
+#include <stdatomic.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#define ROOM 65536 /* bytes; the largest call needs a tenth, which a test holds */
+
+static _Atomic int64_t faults;
+
+int64_t slip_vic_faults(void) { return atomic_load(&faults); }
+
+static void *fault(void) {
+  atomic_fetch_add(&faults, 1);
+  return NULL;
+}
+
+/* numba/core/runtime/nrt.cpp has these fields in this order; of the last ones and `end` compiled code knows nothing. */
+typedef struct MemInfo {
+  size_t references;
+  void (*end)(void *, size_t, void *);
+  struct MemInfo *below;
+  void *data;
+  size_t size;
+  size_t began;
+} MemInfo;
+
+static _Thread_local alignas(64) unsigned char room[ROOM];
+static _Thread_local size_t used, most;
+static _Thread_local MemInfo *top;
+
+MemInfo *NRT_MemInfo_alloc_aligned(size_t size, uint32_t align) {
+  size_t step = align > alignof(max_align_t) ? align : alignof(max_align_t);
+  size_t begin = (used + sizeof(MemInfo) + step - 1) / step * step;
+  if (step > 64 || size > ROOM || begin + size > ROOM) return fault();
+  MemInfo *info = (MemInfo *)(void *)(room + begin - sizeof(MemInfo));
+  *info = (MemInfo){1, NULL, top, room + begin, size, used};
+  used = (begin + size + alignof(max_align_t) - 1) / alignof(max_align_t) * alignof(max_align_t);
+  top = info;
+  if (used > most) most = used;
+  return info;
+}
+
+MemInfo *NRT_MemInfo_alloc(size_t size) { return NRT_MemInfo_alloc_aligned(size, alignof(max_align_t)); }
+
+void NRT_MemInfo_call_dtor(MemInfo *info) {
+  info->references = 0;
+  for (; top != NULL && top->references == 0; top = top->below) used = top->began;
+}
+
+/* Copies of a slice whose place overlaps with where it is assigned to. */
+void *NRT_Allocate(size_t size) {
+  MemInfo *info = NRT_MemInfo_alloc(size);
+  return info == NULL ? NULL : info->data;
+}
+
+void NRT_Free(void *block) { NRT_MemInfo_call_dtor((MemInfo *)block - 1); }
+
+size_t slip_vic_room_used(void) { return most; }
+
+/* Of exceptions, which no call raises. */
+void *PyExc_RuntimeError, *PyExc_StopIteration, *PyExc_SystemError;
+void *PyBytes_FromStringAndSize(void) { return fault(); }
+void PyErr_Clear(void) { fault(); }
+void PyErr_SetNone(void) { fault(); }
+void PyErr_SetString(void) { fault(); }
+void PyErr_WriteUnraisable(void) { fault(); }
+int64_t PyObject_Hash(void) { fault(); return 0; }
+void *PyTuple_Pack(void) { return fault(); }
+void *PyUnicode_FromKindAndData(void) { return fault(); }
+void *PyUnicode_FromString(void) { return fault(); }
+void Py_DecRef(void *object) { (void)object; }
+int numba_do_raise(void) { fault(); return 0; }
+int numba_gil_ensure(void) { fault(); return 0; }
+void numba_gil_release(void) {}
+void *numba_runtime_build_excinfo_struct(void) { return fault(); }
+void *numba_unpickle(void) { return fault(); }
+
+/* Of views of contiguous arrays by rows, the only ones there are. */
+int numba_attempt_nocopy_reshape(
+    ptrdiff_t nd, const ptrdiff_t *dims, const ptrdiff_t *strides, ptrdiff_t newnd, const ptrdiff_t *newdims,
+    ptrdiff_t *newstrides, ptrdiff_t itemsize, int is_f_order) {
+  (void)nd, (void)dims, (void)strides;
+  if (is_f_order) return fault() != NULL;
+  for (ptrdiff_t i = newnd - 1, stride = itemsize; i >= 0; stride *= newdims[i--]) newstrides[i] = stride;
+  return 1;
+}

@@ -1,0 +1,121 @@
+"""The functions of the library: the kernels of the control cycle behind pointers, as C calls them.
+
+Each becomes a C function of its name; annotations give the types, docstrings the comments of the header. Arguments
+that are pointers are buffers of records: `config` and `arm` are ControllerConfig and ArmState of one arm.
+"""
+
+from __future__ import annotations
+
+from numba import carray
+
+from slip_core.arrays import Array
+from slip_vic_controller.contact.layouts import ROW_SIZE
+from slip_vic_controller.cycle.cycle import cycle, describe
+from slip_vic_controller.law.arm import ARM, POSE, gather
+from slip_vic_controller.law.symbols import SYMBOLS
+from slip_vic_controller.session.arrival import (
+    begin_answer,
+    is_silent,
+    receive_joint_state,
+    receive_slip,
+    receive_wrench,
+)
+from slip_vic_controller.state import ARM_SIZE, CONFIG_SIZE, INPUTS_SIZE, OUTPUTS_SIZE, TASK_SIZE
+
+In = Array
+"""Numbers that a function reads."""
+Out = Array
+"""Numbers that it reads and writes."""
+_ARM, _POSE, _SYMBOLS = (dtype.itemsize // 8 for dtype in (ARM, POSE, SYMBOLS))
+
+
+def slip_vic_receive_joint_state(
+    config: In, arm: Out, joints: int, stamp_ns: int, q: In, qd: In, effort: In, refused: int, now_ns: int,
+    lockstep: int,
+) -> int:  # fmt: skip
+    """Take in a joint state; return its SlipVic_Reason, 0 where it is good.
+
+    q, qd, effort: of `joints` joints [rad, rad/s, N m]; refused: whether the message is broken; now_ns: of arrival.
+    """
+    c, s = carray(config, CONFIG_SIZE), carray(arm, ARM_SIZE)
+    q_, qd_, effort_ = carray(q, joints), carray(qd, joints), carray(effort, joints)
+    return receive_joint_state(c, s, stamp_ns, q_, qd_, effort_, refused != 0, now_ns, lockstep != 0)
+
+
+def slip_vic_receive_wrench(
+    config: In, arm: Out, contact: int, stamp_ns: int, wrench: In, refused: int, now_ns: int
+) -> int:
+    """Take in the wrench of a contact, 6 numbers [N, N m]; return its SlipVic_Reason, 0 where it is good."""
+    c, s = carray(config, CONFIG_SIZE), carray(arm, ARM_SIZE)
+    return receive_wrench(c, s, contact, stamp_ns, carray(wrench, 6), refused != 0, now_ns)
+
+
+def slip_vic_receive_slip(
+    config: In, arm: Out, contact: int, stamp_ns: int, twist: In, valid: int, refused: int, now_ns: int
+) -> int:
+    """Take in the slip velocity of a contact, 6 numbers [m/s, rad/s]; return its SlipVic_Reason, 0 where it is good."""
+    c, s = carray(config, CONFIG_SIZE), carray(arm, ARM_SIZE)
+    return receive_slip(c, s, contact, stamp_ns, carray(twist, 6), valid != 0, refused != 0, now_ns)
+
+
+def slip_vic_is_silent(config: In, arm: Out, now_ns: int) -> int:
+    """Return 1 where no good joint state has come for the age limit."""
+    return 1 if is_silent(carray(config, CONFIG_SIZE), carray(arm, ARM_SIZE), now_ns) else 0
+
+
+def slip_vic_begin_answer(
+    config: In, arm: Out, inputs: Out, now_ns: int, request: int, missing: int, reason: int
+) -> int:
+    """Begin the CycleInputs of an arm; return 1 where it is known where the arm is.
+
+    Then the position and velocity for which the caller fills `inputs->arm` stand in `arm->joint.answers`. reason: what
+    slip_vic_receive_joint_state returned.
+    """
+    c, s, i = carray(config, CONFIG_SIZE), carray(arm, ARM_SIZE), carray(inputs, INPUTS_SIZE)
+    return 1 if begin_answer(c, s, i, now_ns, request, missing, reason) else 0
+
+
+def slip_vic_gather(
+    joints: int, qd: In, placement: In, R_joint: In, p_joint: In, v: In, w: In, a: In, dw: In, J_world: In, nle: In,
+    gravity: In, M: In, arm: Out,
+) -> None:  # fmt: skip
+    """Fill a SlipVic_Arm from Pinocchio's data; matrices by columns, as Eigen has them.
+
+    placement: SlipVic_Pose of {ee} on the last joint; R_joint, p_joint, v, w, a, dw: its pose, velocity and acceleration
+    at zero joint acceleration (Pinocchio's oMi, v, a); J_world: its Jacobian in WORLD (6, n); nle, gravity: C qd + g
+    and g; M: inertia, upper triangle.
+    """
+    n = joints
+    gather(
+        carray(qd, n), carray(placement, _POSE), carray(R_joint, (3, 3)).T, carray(p_joint, 3), carray(v, 3),
+        carray(w, 3), carray(a, 3), carray(dw, 3), carray(J_world, (n, 6)).T, carray(nle, n), carray(gravity, n),
+        carray(M, (n, n)).T, carray(arm, _ARM),
+    )  # fmt: skip
+
+
+def slip_vic_cycle(config: In, state: Out, exchange: Out, arms: int, rows: int) -> int:
+    """Run a control cycle; bit k of the result: arm k has a command in its CycleOutputs.
+
+    config: of every arm; state: TaskState, ArmState of every arm, then `rows` SlipVic_Row of each; exchange: CycleInputs
+    of every arm, CycleOutputs of every arm.
+    """
+    c, s = carray(config, arms * CONFIG_SIZE), carray(state, TASK_SIZE + arms * (ARM_SIZE + rows * ROW_SIZE))
+    return cycle(c, s, carray(exchange, arms * (INPUTS_SIZE + OUTPUTS_SIZE)))
+
+
+def slip_vic_describe(config: In, inputs: In, outputs: In, symbols: Out) -> None:
+    """Fill the SlipVic_Symbols of an arm from its last cycle: the published numbers of the law."""
+    i, o = carray(inputs, INPUTS_SIZE), carray(outputs, OUTPUTS_SIZE)
+    describe(carray(config, CONFIG_SIZE), i, o, carray(symbols, _SYMBOLS))
+
+
+FUNCTIONS = (
+    slip_vic_receive_joint_state,
+    slip_vic_receive_wrench,
+    slip_vic_receive_slip,
+    slip_vic_is_silent,
+    slip_vic_begin_answer,
+    slip_vic_gather,
+    slip_vic_cycle,
+    slip_vic_describe,
+)

@@ -1,0 +1,125 @@
+"""The C header: a struct per record with its units, an enum per vocabulary, and the functions."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Iterator
+from enum import IntEnum
+from typing import Any, get_args, get_origin, get_type_hints
+
+from slip_core.records import WHOLE, Record, Records, dtype_of
+from slip_native.functions import FUNCTIONS
+from slip_vic_controller.contact.layouts import Row
+from slip_vic_controller.law.symbols import Symbols
+from slip_vic_controller.safety.conditions import Missing, Reason
+from slip_vic_controller.safety.modes import Mode, Request
+from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs, CycleOutputs, TaskState
+
+RECORDS = (ControllerConfig, TaskState, ArmState, Row, CycleInputs, CycleOutputs, Symbols)
+ENUMS: tuple[type[IntEnum], ...] = (Mode, Request, Missing, Reason)
+C_TYPES = {"In": "const void *", "Out": "void *", "int": "int64_t ", "None": "void "}
+"""Of annotations; pointers without a type, because a buffer holds one record or several."""
+
+TOP = """\
+/* The control cycle of slip_vic: records and functions. Made by `slip-vic export`; do not edit.
+ *
+ * Every function returns in bounded time, allocates nothing, waits for nothing and keeps nothing: the state is the
+ * caller's, and arms in different threads need a state each. Whatever the inputs are, commands are finite and within
+ * limits. Records are aligned to 8 bytes; positions, forces and angles are in SI units, frames as in docs/concepts.md.
+ */
+#ifndef SLIP_VIC_H
+#define SLIP_VIC_H
+
+#include <assert.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+"""
+BOTTOM = """\
+/* Return how often compiled code has met what must not be: an exception, or no room for a temporary array. Always 0. */
+int64_t slip_vic_faults(void);
+
+#ifdef __cplusplus
+}
+#endif
+#endif
+"""
+
+
+def header() -> str:
+    """Return the text of slip_vic.h."""
+    parts = [TOP, *map(_enum, ENUMS)]
+    known: dict[type[Record], None] = {}
+    for declared in RECORDS:
+        _collect(declared, known)
+    parts += [_struct(declared) for declared in known]
+    parts += [_prototype(function) for function in FUNCTIONS]
+    return "\n".join([*parts, BOTTOM])
+
+
+def _collect(declared: type[Record], known: dict[type[Record], None]) -> None:
+    """Add a record behind those that it is made of."""
+    for hint in get_type_hints(declared, include_extras=True).values():
+        inner = _record_of(hint)
+        if inner is not None:
+            _collect(inner, known)
+    known[declared] = None
+
+
+def _record_of(hint: Any) -> type[Record] | None:
+    """Return the record that a field is, or is an array of."""
+    kind = get_args(hint)[0] if get_args(hint) else hint
+    kind = get_args(kind)[0] if get_origin(kind) is Records else kind
+    return kind if isinstance(kind, type) and issubclass(kind, Record) else None
+
+
+def _enum(names: type[IntEnum]) -> str:
+    prefix = f"SLIP_VIC_{names.__name__.upper()}_"
+    items = [f"  {prefix}{item.name} = {item.value}," for item in names]
+    return "\n".join(
+        [*_comment(names), f"typedef enum SlipVic_{names.__name__} {{", *items, f"}} SlipVic_{names.__name__};", ""]
+    )
+
+
+def _struct(declared: type[Record]) -> str:
+    name, remarks = f"SlipVic_{declared.__name__}", _remarks(declared)
+    fields = [
+        _field(field, hint, remarks.get(field, ""))
+        for field, hint in get_type_hints(declared, include_extras=True).items()
+    ]
+    size = dtype_of(declared).itemsize
+    check = f'static_assert(sizeof({name}) == {size}, "layout of {name}");'
+    return "\n".join([*_comment(declared), f"typedef struct {name} {{", *fields, f"}} {name};", check, ""])
+
+
+def _field(name: str, hint: Any, remark: str) -> str:
+    inner, given = _record_of(hint), get_args(hint)[1] if get_args(hint) else ()
+    shape = given if isinstance(given, tuple) else (given,) if isinstance(given, int) else ()
+    whole = given == WHOLE or "int64" in str(hint)
+    kind = f"SlipVic_{inner.__name__}" if inner is not None else "int64_t" if whole else "double"
+    return f"  {kind} {name}{''.join(f'[{n}]' for n in shape)};" + (f" /* {remark} */" if remark else "")
+
+
+_FIELD = re.compile(r"^    (\w+): [^#\n]*#\s*(.*)$", re.MULTILINE)
+
+
+def _remarks(declared: type[Record]) -> dict[str, str]:
+    """Return the comments of a record's fields: unit, frame, meaning."""
+    return {name: remark.replace("*/", "") for name, remark in _FIELD.findall(inspect.getsource(declared))}
+
+
+def _comment(of: Any) -> Iterator[str]:
+    """Yield the lines of a docstring as a comment."""
+    first, *more = inspect.cleandoc(of.__doc__).splitlines()
+    yield f"/* {first}" + ("" if more else " */")
+    for at, line in enumerate(more):
+        yield f" * {line}".rstrip() + (" */" if at == len(more) - 1 else "")
+
+
+def _prototype(function: Any) -> str:
+    found = inspect.signature(function)
+    arguments = ", ".join(f"{C_TYPES[p.annotation]}{p.name}" for p in found.parameters.values())
+    return "\n".join([*_comment(function), f"{C_TYPES[found.return_annotation]}{function.__name__}({arguments});", ""])

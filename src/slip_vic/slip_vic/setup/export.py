@@ -1,0 +1,95 @@
+"""``slip-vic export``: the control cycle as a C library, with the configuration and a recorded run of a scenario."""
+
+from __future__ import annotations
+
+import shutil
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+import numpy as np
+
+from slip_core.arrays import Array
+from slip_core.errors import InputError
+from slip_vic.options import Choice, choosing, out_option
+
+if TYPE_CHECKING:
+    from slip_vic.run.in_process import ClosedLoop, Tick
+    from slip_vic.scenarios.scenario import Scenario
+
+
+@click.command()
+@choosing("scenario", "law", "seed", "sensor", "drive", "parameters", "assignments", "urdf")
+@click.option("--cpu", default="", help="oldest processor that runs it, or native; default x86-64-v2, else native")
+@out_option("slip_vic_native", "folder")
+def export(*, choice: Choice, cpu: str, out: Path) -> None:
+    """Write the control cycle as a C library: libslip_vic.so and .a, slip_vic.h, an example, and a scenario's numbers.
+
+    controller.bin and state.bin are configuration and first state; run.bin is a run of the scenario that example.c
+    answers again, bit by bit. Takes about a minute.
+    """
+    from slip_native import library
+    from slip_native.header import header
+    from slip_vic.scenarios.parameter_files import check_writable
+    from slip_vic.scenarios.scenario import load_scenario
+
+    loaded = load_scenario(**choice)
+    if any(params.slip_input == "displacement" for params in loaded.controllers.values()):
+        expected = "velocity or flag: the library takes slip velocities"
+        raise InputError("slip_input", got="displacement", expected=expected)
+    check_writable(out / "slip_vic.h")
+    out.mkdir(parents=True, exist_ok=True)
+    click.echo("compiling the cycle for C, about a minute", err=True)
+    library.build(out, cpu)
+    (out / "slip_vic.h").write_text(header())
+    for name in ("example.c", "CMakeLists.txt"):
+        with resources.as_file(library.SOURCES / name) as source:
+            shutil.copyfile(source, out / name)
+    write_run(loaded, out)
+    click.echo(f"{out}: libslip_vic.so, libslip_vic.a, slip_vic.h, controller.bin, state.bin, run.bin, example.c")
+    click.echo(f"next: cmake -S {out} -B {out}/build && cmake --build {out}/build && {out}/build/example {out}/run.bin")
+
+
+def write_run(scenario: Scenario, folder: Path) -> None:
+    """Run a scenario in lockstep, and write controller.bin, state.bin and run.bin; all numbers have 8 bytes.
+
+    run.bin: how many arms, rows of each observer, ticks, and numbers of the state; the first state; the ticks; the last
+    state. A tick: whether CONFIG follows, samples, a joint state of each arm, INPUTS of all arms and OUTPUTS of all.
+    """
+    from slip_vic.run.in_process import ClosedLoop, run_in_process
+
+    loop = ClosedLoop(scenario)
+    config, first, known, ticks = loop.session.config, loop.session.buffer.copy(), False, []
+    for tick in run_in_process(scenario, loop):
+        ticks.append(np.concatenate([_whole(not known), *([] if known else [config]), *_tick(loop, tick)]))
+        known, config = config is loop.session.config, loop.session.config
+    controller = loop.session.controller
+    head = _whole(len(loop.session.arms), controller.rows, len(ticks), len(first))
+    controller.config.tofile(folder / "controller.bin")
+    first.tofile(folder / "state.bin")
+    np.concatenate([head, first, *ticks, loop.session.buffer]).tofile(folder / "run.bin")
+
+
+def _tick(loop: ClosedLoop, tick: Tick) -> list[Array]:
+    """Return what arrived before a cycle, and what it was given and gave."""
+    samples, joints = [], []
+    for arm, sent in zip(loop.session.arms, tick.outputs.arms, strict=True):
+        for of, contact in arm.routes[0]:
+            for wrench in sent.wrenches if of.controller.params.wrench.source == "sensor" else ():
+                samples.append(_sample(0, of.index, contact, wrench.stamp_ns, True, wrench.wrench))
+            for slip in sent.slips:
+                samples.append(_sample(1, of.index, contact, slip.stamp_ns, slip.valid, slip.twist))
+        joint = sent.joint
+        joints += [_whole(len(joint.position), joint.stamp_ns), joint.position, joint.velocity, joint.effort]
+    exchange = [*(result.inputs for result in tick.results), *(result.outputs for result in tick.results)]
+    return [_whole(len(samples)), *samples, *joints, *exchange]
+
+
+def _sample(kind: int, arm: int, contact: int, stamp_ns: int, valid: bool, six: Array) -> Array:
+    return np.concatenate([_whole(kind, arm, contact, stamp_ns, valid), six])
+
+
+def _whole(*values: int) -> Array:
+    """Return whole numbers as they lie in a file of doubles."""
+    return np.array(values, np.int64).view(np.float64)
