@@ -81,9 +81,9 @@ def slip_vic_gather(
 ) -> None:  # fmt: skip
     """Fill a SlipVic_Arm from Pinocchio's data; matrices by columns, as Eigen has them.
 
-    placement: SlipVic_Pose of {ee} on the last joint; R_joint, p_joint, v, w, a, dw: its pose, velocity and acceleration
-    at zero joint acceleration (Pinocchio's oMi, v, a); J_world: its Jacobian in WORLD (6, n); nle, gravity: C qd + g
-    and g; M: inertia, upper triangle.
+    placement: SlipVic_Pose of {ee} on the last joint; R_joint, p_joint, v, w, a, dw: its pose, velocity and
+    acceleration at zero joint acceleration (Pinocchio's oMi, v, a); J_world: its Jacobian in WORLD (6, n); nle,
+    gravity: C qd + g and g; M: inertia, upper triangle.
     """
     n = joints
     gather(
@@ -96,8 +96,8 @@ def slip_vic_gather(
 def slip_vic_cycle(config: In, state: Out, exchange: Out, arms: int, rows: int) -> int:
     """Run a control cycle; bit k of the result: arm k has a command in its CycleOutputs.
 
-    config: of every arm; state: TaskState, ArmState of every arm, then `rows` SlipVic_Row of each; exchange: CycleInputs
-    of every arm, CycleOutputs of every arm.
+    config: of every arm; state: TaskState, ArmState of every arm, then `rows` SlipVic_Row of each; exchange:
+    CycleInputs of every arm, CycleOutputs of every arm.
     """
     c, s = carray(config, arms * CONFIG_SIZE), carray(state, TASK_SIZE + arms * (ARM_SIZE + rows * ROW_SIZE))
     return cycle(c, s, carray(exchange, arms * (INPUTS_SIZE + OUTPUTS_SIZE)))

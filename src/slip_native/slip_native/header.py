@@ -42,6 +42,9 @@ BOTTOM = """\
 /* Return how often compiled code has met what must not be: an exception, or no room for a temporary array. Always 0. */
 int64_t slip_vic_faults(void);
 
+/* Return how many of the 65,536 bytes for temporary arrays the calling thread has used at most. */
+int64_t slip_vic_room_used(void);
+
 #ifdef __cplusplus
 }
 #endif

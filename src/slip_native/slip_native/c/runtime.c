@@ -60,7 +60,7 @@ void *NRT_Allocate(size_t size) {
 
 void NRT_Free(void *block) { NRT_MemInfo_call_dtor((MemInfo *)block - 1); }
 
-size_t slip_vic_room_used(void) { return most; }
+int64_t slip_vic_room_used(void) { return (int64_t)most; }
 
 /* Of exceptions, which no call raises. */
 void *PyExc_RuntimeError, *PyExc_StopIteration, *PyExc_SystemError;

@@ -1,0 +1,117 @@
+"""`slip-vic export`: C answers the runs of Python to the last bit, on a library that needs libm and nothing else."""
+
+import ctypes
+import os
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from slip_native.functions import FUNCTIONS
+from slip_vic.cli import cli
+from slip_vic.scenarios.scenario import load_scenario
+from slip_vic.setup.export import write_run
+
+pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
+WARNINGS = ("-Wall", "-Wextra", "-Werror")
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder as the command writes it, with its example compiled."""
+    folder = tmp_path_factory.mktemp("native") / "out"
+    done = CliRunner().invoke(cli, ["export", "--set", "bridge.duration_s=0.5", "--out", str(folder)])
+    assert done.exit_code == 0, done.output
+    call("cc", "-std=c11", "-O2", *WARNINGS, "example.c", "libslip_vic.a", "-lm", "-o", "example", cwd=folder)
+    return folder
+
+
+def call(*command: str, cwd: Path) -> str:
+    done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout + done.stderr
+
+
+RUNS = {
+    "an ideal arm": ("paper_planar", "governed", {}, ()),
+    "an observer, estimated joints and a tare": (
+        "paper_planar", "governed", {"sensor": "vision_60", "drive": "torque_joint"}, ("controller.tare.duration_s=0.1",),
+    ),
+    "velocities, and a grip that follows": (
+        "glass_transport", "governed", {"sensor": "optical_flow_120", "drive": "velocity_500"},
+        ("controller.grip.control=follow", "bridge.grip.control=follow"),
+    ),
+    "positions": ("vertical_plane", "vic", {"sensor": "event_1000", "drive": "position_250"}, ()),
+    "the printed law": ("paper_planar", "printed", {}, ()),
+    "two arms": ("pane_two_arms_flat", "governed", {"sensor": "vision_60", "drive": "motor_current"}, ()),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_example_answers_a_run_to_the_last_bit(library: Path, tmp_path: Path, name: str) -> None:
+    scenario, law, presets, assignments = RUNS[name]
+    loaded = load_scenario(scenario, law=law, seed=3, assignments=("bridge.duration_s=1.5", *assignments), **presets)
+    write_run(loaded, tmp_path)
+    said = call(str(library / "example"), "run.bin", cwd=tmp_path)
+    cycles, commands, differ, faults = map(int, re.findall(r"\d+", said))
+    assert cycles >= 300
+    assert commands > 0.5 * cycles
+    assert (differ, faults) == (0, 0)
+
+
+def test_example_sees_a_number_that_differs(library: Path, tmp_path: Path) -> None:
+    data = bytearray((library / "run.bin").read_bytes())
+    data[-8 * 20_000] ^= 1  # in a record of the last ticks
+    (tmp_path / "run.bin").write_bytes(data)
+    done = subprocess.run([library / "example", "run.bin"], cwd=tmp_path, capture_output=True, check=False)
+    assert done.returncode == 1
+
+
+def test_library_needs_nothing_but_arithmetic(library: Path) -> None:
+    needed = {
+        line.split()[-1].partition("@")[0]
+        for line in call("nm", "-u", "libslip_vic.a", cwd=library).splitlines()
+        if " U " in line
+    }
+    assert needed <= {"atan2", "erf", "exp", "log10", "pow", "sincos", "tanh", "memcpy", "memset", "memmove"}
+
+
+def test_library_shows_the_functions_of_its_header_alone(library: Path) -> None:
+    names = {
+        line.split()[-1] for line in call("nm", "-D", "--defined-only", "libslip_vic.so", cwd=library).splitlines()
+    }
+    declared = set(re.findall(r"^\w+ (slip_vic_\w+)\(", (library / "slip_vic.h").read_text(), re.MULTILINE))
+    assert names == declared == {one.__name__ for one in FUNCTIONS} | {"slip_vic_faults", "slip_vic_room_used"}
+
+
+def test_temporary_arrays_use_a_small_part_of_their_room(library: Path) -> None:
+    host = ctypes.CDLL(str(library / "libslip_vic.so"))
+    host.slip_vic_room_used.restype = ctypes.c_int64
+    program = '#include <stdio.h>\n#define main answered\n#include "example.c"\n#undef main\nint main(int n, char **names) { int bad = answered(n, names); printf("room %lld\\n", (long long)slip_vic_room_used()); return bad; }\n'
+    (library / "room.c").write_text(program)
+    call("cc", "-std=c11", "room.c", "libslip_vic.a", "-lm", "-o", "room", cwd=library)
+    used = int(call(str(library / "room"), "run.bin", cwd=library).split()[-1])
+    assert host.slip_vic_room_used() == 0
+    assert 0 < used < 6554
+
+
+@pytest.mark.skipif(shutil.which("valgrind") is None, reason="no valgrind")
+def test_memcheck_finds_nothing(library: Path) -> None:
+    call("valgrind", "--error-exitcode=9", "--leak-check=full", "-q", str(library / "example"), "run.bin", cwd=library)
+
+
+@pytest.mark.skipif(shutil.which("c++") is None, reason="no C++ compiler")
+def test_header_is_one_of_cpp_too(library: Path) -> None:
+    call(
+        "c++", "-std=c++17", *WARNINGS, "-fsyntax-only", "-include", "slip_vic.h", "-x", "c++", os.devnull, cwd=library
+    )
+
+
+def test_missing_compiler_is_one_line(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    done = CliRunner().invoke(cli, ["export", "--out", str(tmp_path / "out")])
+    assert done.exit_code != 0
+    assert "got no cc or no objcopy" in str(done.exception or done.output)
