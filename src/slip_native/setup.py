@@ -13,7 +13,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
     ],
-    install_requires=["setuptools", "slip_core", "slip_vic_controller", "numba"],
+    install_requires=["setuptools", "slip_core", "slip_vic_controller", "llvmlite", "numba"],
     extras_require={"test": ["pytest"]},
     zip_safe=False,
     author="slip-vic contributors",
@@ -21,4 +21,5 @@ setup(
     maintainer_email="maintainers@slip-vic.example",
     description="The control cycle as a C library, for real-time processes without Python.",
     license="Apache-2.0",
+    entry_points={"console_scripts": []},
 )

@@ -28,6 +28,7 @@ setup(
         "slip_core",
         "slip_description",
         "slip_msgs_py",
+        "slip_native",
         "slip_sim_bridge",
         "slip_vic_controller",
         "click",

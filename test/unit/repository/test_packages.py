@@ -20,6 +20,7 @@ PACKAGES = sorted(path.name for path in SRC.iterdir() if (path / "setup.py").exi
 # Import name: distribution on PyPI, key of rosdep (None: rosdep has none, it comes from PyPI alone).
 LIBRARIES = {
     "click": ("click", "python3-click"),
+    "llvmlite": ("llvmlite", None),
     "lz4": ("lz4", None),
     "matplotlib": ("matplotlib", "python3-matplotlib"),
     "mcap": ("mcap", None),
