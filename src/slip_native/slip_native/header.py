@@ -93,7 +93,7 @@ def _struct(declared: type[Record]) -> str:
         _field(field, hint, remarks.get(field, ""))
         for field, hint in get_type_hints(declared, include_extras=True).items()
     ]
-    size = dtype_of(declared).itemsize
+    size = dtype_of(declared).itemsize  # type: ignore[arg-type]  # every class is hashable
     check = f'static_assert(sizeof({name}) == {size}, "layout of {name}");'
     return "\n".join([*_comment(declared), f"typedef struct {name} {{", *fields, f"}} {name};", check, ""])
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.errors import InputError
+from slip_core.types import SlipSample
 from slip_vic.options import Choice, choosing, out_option
 
 if TYPE_CHECKING:
@@ -79,6 +80,7 @@ def _tick(loop: ClosedLoop, tick: Tick) -> list[Array]:
             for wrench in sent.wrenches if of.controller.params.wrench.source == "sensor" else ():
                 samples.append(_sample(0, of.index, contact, wrench.stamp_ns, True, wrench.wrench))
             for slip in sent.slips:
+                assert isinstance(slip, SlipSample)  # `export` refuses displacements
                 samples.append(_sample(1, of.index, contact, slip.stamp_ns, slip.valid, slip.twist))
         joint = sent.joint
         joints += [_whole(len(joint.position), joint.stamp_ns), joint.position, joint.velocity, joint.effort]
