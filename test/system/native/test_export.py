@@ -38,7 +38,8 @@ def call(*command: str, cwd: Path) -> str:
 RUNS = {
     "an ideal arm": ("paper_planar", "governed", {}, ()),
     "an observer, estimated joints and a tare": (
-        "paper_planar", "governed", {"sensor": "vision_60", "drive": "torque_joint"}, ("controller.tare.duration_s=0.1",),
+        "paper_planar", "governed", {"sensor": "vision_60", "drive": "torque_joint"},
+        ("controller.tare.duration_s=0.1",),
     ),
     "velocities, and a grip that follows": (
         "glass_transport", "governed", {"sensor": "optical_flow_120", "drive": "velocity_500"},
@@ -76,7 +77,18 @@ def test_library_needs_nothing_but_arithmetic(library: Path) -> None:
         for line in call("nm", "-u", "libslip_vic.a", cwd=library).splitlines()
         if " U " in line
     }
-    assert needed <= {"atan2", "erf", "exp", "log10", "pow", "sincos", "tanh", "memcpy", "memset", "memmove"}
+    assert needed - {"_GLOBAL_OFFSET_TABLE_", "__tls_get_addr"} <= {
+        "atan2",
+        "erf",
+        "exp",
+        "log10",
+        "pow",
+        "sincos",
+        "tanh",
+        "memcpy",
+        "memset",
+        "memmove",
+    }
 
 
 def test_library_shows_the_functions_of_its_header_alone(library: Path) -> None:
@@ -90,7 +102,10 @@ def test_library_shows_the_functions_of_its_header_alone(library: Path) -> None:
 def test_temporary_arrays_use_a_small_part_of_their_room(library: Path) -> None:
     host = ctypes.CDLL(str(library / "libslip_vic.so"))
     host.slip_vic_room_used.restype = ctypes.c_int64
-    program = '#include <stdio.h>\n#define main answered\n#include "example.c"\n#undef main\nint main(int n, char **names) { int bad = answered(n, names); printf("room %lld\\n", (long long)slip_vic_room_used()); return bad; }\n'
+    program = (
+        '#include <stdio.h>\n#define main answered\n#include "example.c"\n#undef main\n'
+        'int main(int n, char **of) { return answered(n, of) | !printf("room %d\\n", (int)slip_vic_room_used()); }\n'
+    )
     (library / "room.c").write_text(program)
     call("cc", "-std=c11", "room.c", "libslip_vic.a", "-lm", "-o", "room", cwd=library)
     used = int(call(str(library / "room"), "run.bin", cwd=library).split()[-1])

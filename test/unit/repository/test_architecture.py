@@ -16,7 +16,8 @@ NUMERIC = {"numpy", "yaml", "pydantic"}
 BAG_LIBRARIES = {"numpy", "yaml", "click", "rich", "mcap", "mcap_ros2", "zstandard", "lz4", "pandas"}
 SHELLS = {"slip_core", "slip_msgs_py"} | NUMERIC | ROS
 ROOMS = {
-    "slip_core", "slip_msgs_py", "slip_description", "slip_vic_controller", "slip_sim_bridge", "slip_bags", "slip_native",
+    "slip_core", "slip_msgs_py", "slip_description", "slip_vic_controller", "slip_sim_bridge", "slip_bags",
+    "slip_native",
 }  # fmt: skip
 TOOLS = {"click", "rich", "matplotlib", "pandas", "psutil", "scipy"}
 

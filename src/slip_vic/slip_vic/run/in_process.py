@@ -115,7 +115,7 @@ class ClosedLoop:
 
 
 def run_in_process(scenario: Scenario, loop: ClosedLoop | None = None) -> Iterator[Tick]:
-    """Run a scenario in lockstep and yield every tick, until its duration is over; loop: of the scenario, to look at."""
+    """Run a scenario, or a loop of it, in lockstep and yield every tick, until its duration is over."""
     loop = loop or ClosedLoop(scenario)
     followed = [k for k, params in enumerate(scenario.bridges.values()) if params.grip.control == "follow"]
     watches, lost = {name: IncidentWatch() for name in scenario.controllers}, False
