@@ -66,7 +66,8 @@ def retimed(path: GivenPath, config: Array, params: ControllerParams) -> list[Sa
         pad = path.pad(float(state.out_time))
         time_derivatives(config, memory, pad.rotation, pad.twist, pad.acceleration, rates)
         samples.append(Sample(path, float(state.out_time), float(rates[0]), float(rates[1])))
-    return samples
+    # It may come to rest within what counts as arrived, short of the end by less than 1e-6 of the path.
+    return [*samples[:-1], samples[-1]._replace(time=path.duration)]
 
 
 def _refuse_too_heavy(path: GivenPath, config: Array, state: Any) -> None:
