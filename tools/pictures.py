@@ -11,7 +11,7 @@ from pathlib import Path
 from PIL import Image
 
 import slip_vic
-from slip_vic.page.page import write_runs
+from slip_vic.page.page import write_page
 from test.support.browser import address_of, chromium, open_page
 
 PICTURES = Path(__file__).parents[1] / "docs" / "pictures"
@@ -23,9 +23,9 @@ COLOURS = 128
 def take(scenario: str, at_s: float, folder: Path) -> None:
     """Run a scenario under the three laws and take the picture of its page."""
     loaded = slip_vic.load(scenario)
-    runs = {law: slip_vic.load(scenario, law=law).run() for law in ("classical", "vic", "governed")}
+    runs = {law: slip_vic.load(scenario, law=law).run().data for law in ("classical", "vic", "governed")}
     page = folder / f"{scenario}.html"
-    write_runs(page, runs, command="python tools/pictures.py", title=loaded.name, description=loaded.description)
+    write_page(page, runs, command="python tools/pictures.py", description=loaded.description)
     with chromium() as browser:
         opened, _ = open_page(browser, address_of(page), viewport=SIZE)
         opened.evaluate("t => { slider.value = t; slider.dispatchEvent(new Event('input')); }", at_s)

@@ -99,8 +99,8 @@ class Loop:
         command = result.command
         if command.interface != "effort" or not len(command.numbers):
             return command
-        gravity = self.loop.controller.gravity
-        return JointCommand(command.stamp_ns, self._error.effort(np.array(command.numbers), np.array(gravity)))
+        gravity = np.array(self.loop.controller.state.law.gravity[: len(command.numbers)])
+        return JointCommand(command.stamp_ns, self._error.effort(np.array(command.numbers), gravity))
 
     def set_active(self, active: bool) -> None:
         self.loop.session.set_active(active)

@@ -200,13 +200,13 @@ def realtime_scenario(
 ) -> Scenario:
     """Return a scenario as campaigns run it, in real time without an end; the ideal sensor leaves the gains."""
     usual = (
+        f"controller.slip_estimator={'observer' if observer else 'measured'}",
         f"controller.control_period_s={PERIOD_S}", f"bridge.control_period_s={PERIOD_S}",
         "controller.gains.k_s=100.0", "bridge.duration_s=1e6",
     )  # fmt: skip
     return load_scenario(
         name, law=controller, mode="realtime", assignments=(*usual, *assignments),
         sensor="" if sensor == IDEAL else sensor, drive="" if drive == IDEAL else drive,
-        estimator="observer" if observer else "measured",
     )  # fmt: skip
 
 

@@ -59,13 +59,13 @@ def test_another_page_of_the_browser_reads_no_live_data(audience: Audience) -> N
 
 def test_who_comes_late_gets_the_newest_of_all(audience: Audience) -> None:
     audience.begin(b"an old model")
-    audience.ended("over")
+    audience.tell("ended", ended="over")
     audience.begin(b"model")
     for frame in (b"first", b"second"):
         audience.send(frame)
-    audience.ended("why")
+    audience.tell("ended", ended="why")
     with connect(f"ws://127.0.0.1:{audience.port}/live") as late:
         got = [late.recv(5.0) for _ in range(4)]
-        audience.mode(1, "HOLD")
+        audience.tell(arm=1, mode="HOLD")
         got.append(late.recv(5.0))
     assert got == ["model", b"model", b"second", '{"ended": "why"}', '{"arm": 1, "mode": "HOLD"}']
