@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from slip_core.types import CartesianReference, JointSample, PoseGoal
+from slip_core.types import JointSample
 from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.safety.conditions import Reason
-from slip_vic_controller.safety.modes import Request
 from slip_vic_controller.session.controller import Controller
 from slip_vic_controller.session.cycle_result import CycleResult, Health
-from slip_vic_controller.session.manifest import Manifest
 from slip_vic_controller.session.session import ControllerSession
 
 
@@ -19,38 +17,18 @@ def one_arm(params: ControllerParams, urdf: str, *, lockstep: bool) -> Controlle
     return Controller({"": params}, {"": urdf}, lockstep=lockstep)
 
 
+OF_SESSION = ("buffer", "task", "add_manifest", "set_reference", "set_goal", "set_active", "request")
+
+
 class OneArm:
-    """A session of a controller with one arm; what is not here is the arm's (`ArmSession`)."""
+    """A session of a controller with one arm; what is neither here nor in `OF_SESSION` is the arm's (`ArmSession`)."""
 
     def __init__(self, controller: Controller) -> None:
         self.session = ControllerSession(controller)
         self.arm = self.session.arms[0]
 
     def __getattr__(self, name: str) -> Any:
-        return getattr(self.arm, name)
-
-    @property
-    def buffer(self) -> Any:
-        return self.session.buffer
-
-    @property
-    def task(self) -> Any:
-        return self.session.task
-
-    def add_manifest(self, manifest: Manifest) -> None:
-        self.session.add_manifest(manifest)
-
-    def set_reference(self, reference: CartesianReference) -> None:
-        self.session.set_reference(reference)
-
-    def set_goal(self, goal: PoseGoal) -> None:
-        self.session.set_goal(goal)
-
-    def set_active(self, active: bool) -> None:
-        self.session.set_active(active)
-
-    def request(self, request: Request) -> None:
-        self.session.request(request)
+        return getattr(self.session if name in OF_SESSION else self.arm, name)
 
     def retune(self, params: ControllerParams) -> None:
         self.session.retune((params,))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -14,14 +14,6 @@ from slip_vic.scenarios.scenario import Scenario
 from slip_vic_controller.session.cycle_result import CycleResult
 
 Change = Callable[[Any], Any]
-
-
-class Watched(NamedTuple):
-    """Slip [m] in the end, fastest joint [rad/s] since it was last set back, and the modes with their reasons."""
-
-    slip: float
-    fastest: float
-    said: list[str]
 
 
 class WatchedLoop:
@@ -39,16 +31,6 @@ class WatchedLoop:
         self.loop.bridge.advance([result.command if sent is None else sent(result.command)])
         self.fastest = max(self.fastest, self.speed)
         return result
-
-    def watch(self, cycles: int, sensed: Change) -> Watched:
-        """Run cycles; sensed: see `cycle`."""
-        said: list[str] = []
-        for _ in range(cycles):
-            result = self.cycle(sensed)
-            text = f"{result.mode.name} {result.reason}"
-            if said[-1:] != [text]:
-                said.append(text)
-        return Watched(self.slip, self.fastest, said)
 
     @property
     def speed(self) -> float:

@@ -21,6 +21,5 @@ def bench(out: Path, quick: bool) -> None:
     with Console(stderr=True).status("measuring") as status:
         result = run_bench(QUICK if quick else Effort(), status.update)
     numbers = write_results(out, result)
-    console = Console()
-    print_results(console, result)
-    console.print(f"numbers: {numbers}", soft_wrap=True)
+    print_results(result)
+    click.echo(f"numbers: {numbers}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import tempfile
 from pathlib import Path
 
@@ -11,11 +10,6 @@ from slip_vic.run.launcher import Launcher, RunResult
 from slip_vic.scenarios.scenario import Scenario, load_scenario
 
 SCENARIO = "paper_planar"
-
-
-def lockstep_scenario(duration_s: float) -> Scenario:
-    """Return the scenario of the lockstep figures."""
-    return load_scenario(SCENARIO, assignments=(f"bridge.duration_s={duration_s}",))
 
 
 def lockstep_tick_s(scenario: Scenario, *, record: bool = False) -> float:
@@ -35,12 +29,6 @@ def free_run(rate_hz: int, duration_s: float, process: ProcessOptions) -> RunRes
 
 
 def _run(scenario: Scenario, *, record: bool, process: ProcessOptions | None = None) -> RunResult:
-    folder = Path(tempfile.mkdtemp(prefix="slip_vic_bench_"))
-    try:
-        return Launcher(
-            scenario,
-            bag=folder / "bag" if record else None,
-            process=process or ProcessOptions(),
-        ).run()
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
+    with tempfile.TemporaryDirectory(prefix="slip_vic_bench_") as folder:
+        bag = Path(folder) / "bag" if record else None
+        return Launcher(scenario, bag=bag, process=process or ProcessOptions()).run()

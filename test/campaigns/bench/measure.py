@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import random
+from collections.abc import Callable, Mapping
 from typing import Any, Final, NamedTuple
 
 import pandas as pd
@@ -87,7 +88,8 @@ def over_rounds(rounds: pd.DataFrame) -> pd.DataFrame:
 
 
 def _rounds(effort: Effort, say: Say) -> pd.DataFrame:
-    scenario, vic = dds.lockstep_scenario(effort.lockstep_s), load_scenario(cost.SCENARIO)
+    vic = load_scenario(cost.SCENARIO)
+    scenario = load_scenario(cost.SCENARIO, assignments=(f"bridge.duration_s={effort.lockstep_s}",))
     step = cost.stretch(vic)
     pieces: dict[str, cost.Call | cost.Stretch] = {
         "control step": step,
@@ -106,14 +108,8 @@ def _rounds(effort: Effort, say: Say) -> pd.DataFrame:
     for number in range(effort.rounds):
         say(f"round {number + 1} of {effort.rounds}")
         row = {"calibration": calibration_s(), **cost.interleaved(pieces, effort.turns)}
-        rows.append(row | {name: measures[name]() for name in rotated(list(measures), number)})
+        rows.append(row | {name: measures[name]() for name in random.Random(number).sample([*measures], 3)})
     return pd.DataFrame(rows)
-
-
-def rotated(names: Sequence[str], number: int) -> list[str]:
-    """Return the names, starting with another one each round."""
-    start = number % len(names)
-    return [*names[start:], *names[:start]]
 
 
 def _free_running(effort: Effort) -> tuple[pd.DataFrame, dict[str, float]]:

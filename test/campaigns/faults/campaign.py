@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cache, partial
@@ -16,8 +15,6 @@ import pandas as pd
 from slip_vic.experiments.engines import Died, PoolEngine
 from slip_vic.experiments.statistics import clopper_pearson
 from test.campaigns.faults.plan import Verdict, make_plan
-
-WRITTEN_EVERY_S = 60.0
 
 
 def summary(verdicts: Sequence[Verdict]) -> dict[str, Any]:
@@ -47,25 +44,9 @@ def summary(verdicts: Sequence[Verdict]) -> dict[str, Any]:
     }
 
 
-def run_campaign(
-    trials: Iterable[int], seed: int, interface: str, workers: int, out: Path, on_done: Callable[[Verdict], None]
-) -> None:
-    """Run trials in spawned workers; the results do not depend on their number or order.
-
-    faults.json in `out` is written now and then: a campaign that is killed has left what it found.
-    """
-    verdicts, written_s = list[Verdict](), time.monotonic()
-    for verdict in _verdicts(seed, trials, workers, partial(judge, interface=interface)):
-        verdicts.append(verdict)
-        on_done(verdict)
-        if verdict.violations or time.monotonic() > written_s + WRITTEN_EVERY_S:
-            write_results(out, verdicts)
-            written_s = time.monotonic()
-
-
-def _verdicts(
-    seed: int, trials: Iterable[int], workers: int, judge_one: Callable[[int, int], Verdict]
-) -> Iterator[Verdict]:
+def run_campaign(trials: Iterable[int], seed: int, interface: str, workers: int) -> Iterator[Verdict]:
+    """Run trials in spawned workers; the results do not depend on their number or order."""
+    judge_one = partial(judge, interface=interface)
     if workers == 1:
         yield from (judge_one(seed, trial) for trial in trials)
         return
@@ -97,8 +78,5 @@ def judge(seed: int, trial: int, interface: str = "") -> Verdict:
 def write_results(out: Path, verdicts: Sequence[Verdict]) -> Path:
     """Write faults.json; return its path."""
     out.mkdir(parents=True, exist_ok=True)
-    path = out / "faults.json"
-    temporary = path.with_suffix(".tmp")
-    temporary.write_text(json.dumps(summary(verdicts), indent=1) + "\n", encoding="utf-8")
-    os.replace(temporary, path)
-    return path
+    (out / "faults.json").write_text(json.dumps(summary(verdicts), indent=1) + "\n", encoding="utf-8")
+    return out / "faults.json"

@@ -9,10 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import click
-from rich.box import SIMPLE_HEAD
+import pandas as pd
 from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
 from slip_core.errors import InputError
 from slip_vic.run.progress import progress
@@ -57,18 +55,17 @@ def faults(
         return
     console, verdicts, failed = Console(stderr=True), list[campaign.Verdict](), list[campaign.Verdict]()
 
-    def on_done(verdict: campaign.Verdict) -> None:
-        verdicts.append(verdict)
-        if verdict.violations:
-            failed.append(verdict)
-            console.print(verdict.text(), markup=False, highlight=False, soft_wrap=True)
-        report(len(verdicts), f"{len(failed)} with violations")
-
     try:
         with progress(console, lines=True) as add_bar:
             report = add_bar("fault trials", trials)
             processes = workers or min(trials, os.cpu_count() or 1)
-            campaign.run_campaign(range(first, first + trials), seed, interface or "", processes, out, on_done)
+            chosen = range(first, first + trials)
+            for verdict in campaign.run_campaign(chosen, seed, interface or "", processes):
+                verdicts.append(verdict)
+                if verdict.violations:
+                    failed.append(verdict)
+                    console.print(verdict.text(), markup=False, highlight=False, soft_wrap=True)
+                report(len(verdicts), f"{len(failed)} with violations")
     finally:
         if verdicts:
             path = campaign.write_results(out, verdicts)
@@ -88,14 +85,14 @@ def _attack(only: tuple[str, ...], out: Path) -> None:
     names = [name for name in ATTACKS if not only or any(words in name for words in only)]
     if not names:
         raise InputError("--only", got=", ".join(only), expected=f"a part of one of: {', '.join(ATTACKS)}")
-    table = Table("attack", "promise", "worst mode", escape("law again [s]"), box=SIMPLE_HEAD)
+    table = dict[str, tuple[str, str, str]]()
 
     def on_done(row: Row) -> None:
         back = "never" if row.recovery_s is None else f"{row.recovery_s:.2f}{', helped' if row.helped else ''}"
         promise = (
             "process ended" if not row.alive else f"{len(row.violations)} violations" if row.violations else "kept"
         )
-        table.add_row(row.attack, promise, row.worst_mode, back)
+        table[row.attack] = promise, row.worst_mode, back
         more = f"{row.lines_per_s:.1f} log lines/s, memory {row.grown_mib:+.1f} MiB{', ' if row.note else ''}{row.note}"
         click.echo(f"{row.attack}: {'kept' if row.kept else 'NOT KEPT'}; {more}", err=True)
         for text in row.violations[:SHOWN_VIOLATIONS]:
@@ -104,20 +101,16 @@ def _attack(only: tuple[str, ...], out: Path) -> None:
     try:
         rows = run_attacks(names, out, on_done)
     finally:
-        if table.row_count:
-            Console().print(table)
+        if table:
+            columns = ["promise", "worst mode", "law again [s]"]
+            click.echo(pd.DataFrame.from_dict(table, orient="index", columns=columns).to_string())
             click.echo(f"results: {out / 'attacks.json'}")
     if not all(row.kept for row in rows):
         sys.exit(1)
 
 
 def _report(summary: Mapping[str, Any]) -> None:
-    table = Table("fault", "trials", "violations", "recovered", "recovery median / max, s")
-    for name, row in summary["by_fault"].items():
-        times = (row["recovery_median_s"], row["recovery_max_s"])
-        shown = " / ".join("-" if value is None else f"{value:.2f}" for value in times)
-        table.add_row(name, str(row["trials"]), str(row["violations"]), str(row["recovered"]), shown)
-    Console().print(table)
+    click.echo(pd.DataFrame.from_dict(summary["by_fault"], orient="index").to_string(float_format="%.2f", na_rep="-"))
     click.echo(
         f"{summary['trials']} trials, {summary['commands']} commands, {summary['violations']} trials with violations; "
         f"95 % bound on the share of bad trials: {100.0 * summary['bound_95']:.3g} %"

@@ -136,7 +136,6 @@ class JointMonitor:
     largest_change: float
     rest_after_s: float = REST_AFTER_S
     violations: list[str] = field(default_factory=list)
-    largest_seen: float = 0.0
     _last: Numbers | None = None
     _resting_since: float | None = None
 
@@ -152,7 +151,6 @@ class JointMonitor:
         """Take applied efforts and velocities of a tick; `follows`: whether the law is at work."""
         if self._last is not None:
             step = float(np.abs(applied - self._last).max())
-            self.largest_seen = max(self.largest_seen, step)
             if step > self.largest_change + ROUNDING:
                 self.violations.append(f"{now_s:.3f} s: joint effort steps by {step:.3f} N m")
         self._last = applied

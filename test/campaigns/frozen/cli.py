@@ -43,8 +43,6 @@ def run(*, prefix: str, laws: str, jobs: int, part: slice, out: Path) -> None:
 @click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path, exists=True))
 def compare(files: tuple[Path, ...]) -> None:
     """Compare the rows of FILES (shards too) with the frozen ones; exit code 1 where a law does worse."""
-    from rich.console import Console
-
     from slip_vic.experiments.rows import read_rows
     from test.campaigns.frozen.compare import compare as compared
     from test.campaigns.frozen.compare import table_of, verdict
@@ -53,7 +51,7 @@ def compare(files: tuple[Path, ...]) -> None:
     rows = [row for file in files for row in read_rows(file)]
     lines = compared(base_rows(), rows)
     compared_runs = sum(line.worlds for line in lines if not line.name.endswith(", all"))
-    Console(width=max(Console().width, 200)).print(table_of(lines))
+    click.echo(table_of(lines))
     worse = verdict(lines)
     click.echo(f"{compared_runs} of {len(rows)} runs have a frozen row; verdict: {'WORSE' if worse else 'not worse'}")
     end_with(worse)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from rich.table import Table
+import pandas as pd
 from scipy.stats import binomtest
 
 from slip_vic.experiments.run import CARRIED, Row, kind_of
@@ -149,30 +149,21 @@ def verdict(lines: Sequence[Line]) -> list[str]:
     return [f"{line.law} in {line.name}: {'; '.join(line.worse)}" for line in judged(lines) if line.worse]
 
 
-def table_of(lines: Sequence[Line]) -> Table:
+def table_of(lines: Sequence[Line]) -> str:
     """Return the table: each count now, in brackets before, with the bounds of its share now."""
-    shown = Table(title="frozen worlds: now (before), bounds of 95 % by Clopper and Pearson")
-    tests = [f"p {name}" for name in TESTS]
-    heads = ("set", "law", "worlds", *KINDS, *tests, "slip path grew", "shrank", "p grew", "arrival")
-    for head in heads:
-        shown.add_column(head, justify="left" if head in ("set", "law") else "right")
-    for line in lines:
-        counts = [_count(line, kind) for kind in KINDS]
-        tests = [f"{p:.2g}" for p in line.p.values()]
-        grown = f"{100.0 * line.grown / line.kept:.1f} % of {line.kept}" if line.kept else "-"
-        later = f"x {line.later:.3f} of {line.arrived}" if line.arrived else "-"
-        shown.add_row(
-            line.name,
-            line.law,
-            str(line.worlds),
-            *counts,
-            *tests,
-            grown,
-            str(line.shrunk),
-            f"{line.p_grown:.2g}",
-            later,
-        )
-    return shown
+    rows = [
+        {
+            "set": line.name, "law": line.law, "worlds": line.worlds,
+            **{kind: _count(line, kind) for kind in KINDS},
+            **{f"p {test}": f"{p:.2g}" for test, p in line.p.items()},
+            "slip path grew": f"{100.0 * line.grown / line.kept:.1f} % of {line.kept}" if line.kept else "-",
+            "shrank": line.shrunk, "p grew": f"{line.p_grown:.2g}",
+            "arrival": f"x {line.later:.3f} of {line.arrived}" if line.arrived else "-",
+        }
+        for line in lines
+    ]  # fmt: skip
+    title = "frozen worlds: now (before), bounds of 95 % by Clopper and Pearson"
+    return f"{title}\n{pd.DataFrame(rows).to_string(index=False)}"
 
 
 def _count(line: Line, kind: str) -> str:

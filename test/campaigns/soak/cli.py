@@ -7,9 +7,8 @@ import sys
 from pathlib import Path
 
 import click
-from rich.box import SIMPLE_HEAD
+import pandas as pd
 from rich.console import Console
-from rich.table import Table
 
 from slip_vic.options import SCENARIO
 
@@ -25,7 +24,7 @@ def soak(minutes: float, rate: float, scenario: str, out: Path) -> None:
     Exit code 1 where something grows: the slope is the median over all pairs of samples after the warm-up.
     """
     from slip_vic.run.progress import progress
-    from test.campaigns.soak.growth import grows, growth_of
+    from test.campaigns.soak.growth import Growth, grows, growth_of
     from test.campaigns.soak.run import run_soak, soak_scenario
 
     with progress(Console(stderr=True), unit=" s") as add_bar:
@@ -33,11 +32,10 @@ def soak(minutes: float, rate: float, scenario: str, out: Path) -> None:
         result, series = run_soak(soak_scenario(scenario, minutes, rate), minutes, on_time)
     growth = {name: growth_of(samples) for name, samples in series.items()}
     growing = {name: words for name, found in growth.items() if (words := grows(found))}
-    table = Table("process", "quantity", "first", "last", "per hour", box=SIMPLE_HEAD)
-    for name, found in growth.items():
-        for quantity, one in found.items():
-            table.add_row(name, quantity, f"{one.first:.1f}", f"{one.last:.1f}", f"{one.per_hour:+.2f}")
-    Console().print(table)
+    rows = {(name, quantity): one for name, found in growth.items() for quantity, one in found.items()}
+    click.echo(
+        pd.DataFrame.from_dict(rows, orient="index", columns=list(Growth._fields)).to_string(float_format="%.2f")
+    )
     incidents = [str(incident) for incident in result.incidents]
     content = {
         "minutes": minutes, "rate_hz": rate, "ticks": result.ticks, "sim_time_s": result.sim_time_s,

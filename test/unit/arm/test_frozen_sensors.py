@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,11 +16,12 @@ from slip_vic_controller.arm.joint_estimate import JOINT_ESTIMATE, Finding, Trus
 from slip_vic_controller.arm.plausibility import is_blind
 from slip_vic_controller.safety.modes import Mode, Request
 from test.support.call import call
-from test.support.failing_sensors import MOVES_MS, wrench_frozen
 from test.support.watched_loop import WatchedLoop, with_joints
 from test.unit.arm.test_estimator import MS, N, T, configuration
 
 EVERY = slice(None)
+MOVES_MS = {"paper_planar": 1500, "vertical_plane": 1200, "glass_transport": 900}
+"""When it fails: while the arm moves."""
 UNMEASURED = 0.05
 """Error of a velocity that has not been measured for 0.15 s, where the disturbance is known to 0.3 rad/s^2 [rad/s]."""
 
@@ -44,7 +46,9 @@ class Freezing(WatchedLoop):
                 q[joints], qd[joints] = kept.joint.position[joints], kept.joint.velocity[joints]
                 q[joints] *= 1.0 if finite else np.nan
                 arm = with_joints(arm, q, qd)
-            return wrench_frozen(arm, kept) if wrench else arm
+            pairs = zip(arm.wrenches, kept.wrenches, strict=True) if wrench else ()
+            frozen = tuple(replace(now, wrench=before.wrench) for now, before in pairs)
+            return arm._replace(wrenches=frozen) if wrench else arm
 
         for _ in range(count):
             result = self.cycle(sensed)

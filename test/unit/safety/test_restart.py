@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from slip_core.types import JointSample
+from slip_sim_bridge.session import BridgeSession
 from slip_vic_controller.safety.conditions import Reason
 from test.campaigns.faults.plan import BRIDGE, CONTROLLER, JOINT, SLIP, WRENCH, Plan
 from test.campaigns.faults.plan import Fault as Planned
-from test.campaigns.faults.trial import PERIOD_S, STEADY_NS, prepared, run_trial
-from test.support.delivery import begun_bridge, deliver
+from test.campaigns.faults.trial import PERIOD_S, START_NS, STEADY_NS, prepared, run_trial
 from test.support.one_arm import OneArm
 
 ROUNDING = 1e-9  # [N m]
@@ -22,16 +22,20 @@ class Loop:
     def __init__(self, drive: str = "ideal") -> None:
         scenario, self.law = prepared("paper_planar", True, "vic", drive=drive)
         assert scenario.controller.safety.limits.effort_rate * PERIOD_S == STEP
-        self.bridge = begun_bridge(scenario)
+        self.bridge = BridgeSession(scenario.bridges, scenario.urdfs)
+        self.bridge.start_at(START_NS)
         self.controller = OneArm(self.law)
         self.now_ns = STEADY_NS
         self.effort = np.zeros(0)
 
     def observe(self) -> JointSample:
         """Deliver all samples but the joint state, which is returned."""
-        outputs = self.bridge.observe()
-        deliver(self.controller, outputs, self.now_ns)
-        return outputs.arms[0].joint
+        (sent,) = self.bridge.observe().arms
+        for wrench in sent.wrenches:
+            self.controller.add_wrench(0, wrench, self.now_ns)
+        for slip in sent.slips:
+            self.controller.add_slip(0, slip, self.now_ns)
+        return sent.joint
 
     def cycle(self, joint: JointSample) -> np.ndarray:
         """Answer a joint state, advance the bridge, and return the effort."""
