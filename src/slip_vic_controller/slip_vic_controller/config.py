@@ -31,18 +31,11 @@ from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.path.paths import PATH, make_path
 from slip_vic_controller.safety.conditions import Reason
 from slip_vic_controller.safety.drop_detection import FALLS_WITHIN_S
-from slip_vic_controller.safety.effort_limiter import LONGEST_STEP_S, RESTART_AFTER_S
-from slip_vic_controller.safety.hold import LEAST_LOAD, HoldConfig
-from slip_vic_controller.safety.validation import (
-    ACCEPT_AFTER,
-    CLOCK_JUMP_S,
-    FASTEST,
-    FUTURE_S,
-    JUMP,
-    SLACK,
-)
+from slip_vic_controller.safety.effort_limiter import LONGEST_STEP_S
+from slip_vic_controller.safety.hold import DELAY, LEAST_LOAD, HoldConfig
+from slip_vic_controller.safety.validation import ACCEPT_AFTER, CLOCK_JUMP_S, JUMP, SLACK
 from slip_vic_controller.sizes import ROOM
-from slip_vic_controller.state import CONFIG, ControllerConfig, CycleConfig
+from slip_vic_controller.state import CONFIG, ControllerConfig
 
 PATH_MARGIN, GIVEN_UP, KEPT = 0.97, 0.985, 0.95
 """Shares of a load: in the backward pass; of that at which it slipped, where nothing less stops; kept of it."""
@@ -60,12 +53,8 @@ CONFIRMED = 2
 finds some there that are none, and one sample may be an outlier."""
 QUIET_S = 0.05
 """Without slip for so long, it holds again."""
-HOLD_PERIOD_S = 0.01
-"""Longest control period at which HOLD has its configured gains; beyond it is the same loop in slow motion [s]."""
 STOPS_WITHIN = 2.0
 """How much longer than a path that is slowed down one may need that friction has to brake."""
-UNSEEN_SHARE = 0.9
-"""Share of the time for which the model tells where an arm is after which it holds, so that it rests in the end."""
 QUANTISED_REPEATS = 5
 """How many times as long a sensor with a quantum may repeat a reading before it counts as frozen."""
 
@@ -98,7 +87,7 @@ def make_config(params: ControllerParams, robot: Robot, *, lockstep: bool, arms:
     copy_fields(config.grip, params.grip)
     config.grip.follow, grip = int(params.grip.control == "follow"), params.grip
     config.grip.preview_s = grip.lag_s + (grip.force_limit - grip.nominal_force) / grip.command_rate
-    _fill_cycle(config.cycle, params, len(robot.joint_names))
+    _fill_cycle(config, params, len(robot.joint_names))
     _fill_inputs(config, params, robot, lockstep=lockstep)
     _fill_conditions(config, params)
     _fill_limits(config, params, robot)
@@ -139,7 +128,7 @@ def _copy(config: Any, name: str, buffer: Array, layout: np.dtype[np.void]) -> N
     config[name] = buffer.view(layout)[0]
 
 
-def _fill_cycle(cycle: CycleConfig, params: ControllerParams, joints: int) -> None:
+def _fill_cycle(cycle: ControllerConfig, params: ControllerParams, joints: int) -> None:
     posture = params.nullspace.posture
     if posture and len(posture) != joints:
         raise InputError("parameter nullspace.posture", got=f"{len(posture)} values", expected=f"{joints} or none")
@@ -162,14 +151,14 @@ def _fill_inputs(config: ControllerConfig, params: ControllerParams, robot: Robo
     inputs, n, joint = params.safety.inputs, len(robot.joint_names), config.joint
     copy_fields(joint, inputs)
     joint.lower[:n], joint.upper[:n] = robot.position_lower - SLACK, robot.position_upper + SLACK
-    joint.fastest[:n] = robot.velocity_limit * FASTEST
+    joint.fastest = SLACK / params.control_period_s
     joint.jump, joint.clock_jump_ns = JUMP, seconds_to_ns(CLOCK_JUMP_S)
     joint.accept_after = 1 if lockstep else ACCEPT_AFTER
     joint.still = params.joint_sensor.quantum_position / inputs.frozen_s
     wrench, slip = config.wrench, config.slip
     for limits in (wrench, slip):
         copy_fields(limits, inputs)
-        limits.future_ns = seconds_to_ns(FUTURE_S)
+        limits.future_ns = seconds_to_ns(inputs.age_s)
     wrench.linear, wrench.angular = inputs.force, inputs.torque
     slip.linear, slip.angular, slip.age_ns = inputs.slip_linear, inputs.slip_angular, seconds_to_ns(inputs.slip_age_s)
     slip.zero_is_normal = 1
@@ -181,14 +170,14 @@ def _fill_inputs(config: ControllerConfig, params: ControllerParams, robot: Robo
 
 def _fill_conditions(config: ControllerConfig, params: ControllerParams) -> None:
     safety, conditions = params.safety, config.conditions
-    copy_fields(config.modes, safety)
-    copy_fields(conditions, safety.inputs)
+    copy_fields(conditions, safety, safety.inputs)
     for reason in Reason:
         conditions.lasts_ns[reason] = seconds_to_ns(reason.lasts_s) + 1 if reason.lasts_s else 0  # for longer
     observer_s = safety.fallback.observer_s if params.slip_estimator == "observer" else 0.0
     conditions.lasts_ns[Reason.SLIP_SLOWS] = seconds_to_ns(observer_s)
     conditions.slow_down_ns = seconds_to_ns(STOPS_WITHIN * safety.fallback.slow_down_s)
-    unseen_s = min(safety.inputs.bridge_s + safety.fallback.slow_down_s, UNSEEN_SHARE * BLIND_S)
+    # So that the arm rests by the time at which the model no longer tells where it is.
+    unseen_s = min(safety.inputs.bridge_s + safety.fallback.slow_down_s, BLIND_S - safety.inputs.age_s)
     conditions.unseen_ns = seconds_to_ns(unseen_s)
     conditions.gap_ns = seconds_to_ns(safety.inputs.age_s)
     conditions.slip_needed = int(params.controller != "classical")
@@ -199,25 +188,21 @@ def _fill_conditions(config: ControllerConfig, params: ControllerParams) -> None
 
 
 def _fill_limits(config: ControllerConfig, params: ControllerParams, robot: Robot) -> None:
-    """Write the limits of efforts, and of commands that are no efforts."""
-    n, limits, motion, drive = len(robot.joint_names), params.safety.limits, config.motion, config.motion.drive
-    velocity, margin = robot.velocity_limit, limits.position_margin
-    copy_fields(motion, limits)
-    motion.near_lower[:n], motion.near_upper[:n] = robot.position_lower + margin, robot.position_upper - margin
-    motion.margin, motion.velocity[:n] = margin, velocity
-    drive.effort[:n], drive.rate = robot.effort_limit, limits.effort_rate
-    drive.period_ns = config.cycle.period_ns
-    drive.longest_step_ns = max(seconds_to_ns(LONGEST_STEP_S), config.cycle.period_ns)  # a control period is no pause
-    drive.restart_after_ns = seconds_to_ns(RESTART_AFTER_S)
-    command, given = config.command, params.command
-    command.interface = Interface[given.interface.upper()]
-    command.velocity[:n], command.acceleration[:n] = velocity, given.acceleration_limit
-    command.lower[:n], command.upper[:n] = robot.position_lower, robot.position_upper
+    n, limits = len(robot.joint_names), config.command
+    copy_fields(limits, params.safety.limits)
+    limits.interface = Interface[params.command.interface.upper()]
+    limits.effort[:n], limits.velocity[:n] = robot.effort_limit, robot.velocity_limit
+    limits.acceleration[:n] = params.command.acceleration_limit
+    limits.lower[:n], limits.upper[:n] = robot.position_lower, robot.position_upper
+    limits.period_ns = config.period_ns
+    limits.longest_step_ns = max(seconds_to_ns(LONGEST_STEP_S), config.period_ns)  # a control period is no pause
+    limits.restart_after_ns = seconds_to_ns(params.safety.inputs.age_s)
 
 
 def _fill_hold(hold: HoldConfig, params: ControllerParams) -> None:
     stiffness, share = params.safety.hold_stiffness, 1.0 / hold.carriers
-    slower = min(1.0, HOLD_PERIOD_S / params.control_period_s)
+    frequency = max(math.sqrt(stiffness), 1.0)
+    slower = min(1.0, 0.5 * DELAY / (frequency * params.control_period_s))  # the same loop in slow motion
     hold.stiffness, hold.damping = slower * slower * stiffness, slower * 2.0 * math.sqrt(stiffness)
     hold.least_load = LEAST_LOAD if share == 1.0 else 0.0  # several arms also feel what they press on each other
     hold.mass = share * params.object.mass

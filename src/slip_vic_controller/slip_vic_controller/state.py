@@ -6,8 +6,8 @@ from typing import Annotated
 
 from slip_core.arrays import Array
 from slip_core.records import Mat3, Real, Record, Records, Vec3, Vec6, Whole, WholeArray, dtype_of
-from slip_vic_controller.arm.command import CommandConfig, MotionCommand
-from slip_vic_controller.arm.joint_estimate import EstimatorConfig, JointEstimate, PublishedJoints
+from slip_vic_controller.arm.command import CommandLimits, SentCommand
+from slip_vic_controller.arm.joint_estimate import EstimatorConfig, JointEstimate
 from slip_vic_controller.arm.tare import Tare, TareConfig
 from slip_vic_controller.contact.layouts import Motion, Observer, ObserverConfig
 from slip_vic_controller.governor.grip import Grip, GripConfig
@@ -27,19 +27,24 @@ from slip_vic_controller.path.paths import Path
 from slip_vic_controller.path.stream import Stream
 from slip_vic_controller.safety.conditions import REASONS, Condition, ConditionsConfig, Health
 from slip_vic_controller.safety.drop_detection import DropDetectionConfig, ObservedMotion
-from slip_vic_controller.safety.effort_limiter import EffortLimiter
 from slip_vic_controller.safety.hold import Hold, HoldConfig
 from slip_vic_controller.safety.latency import Latency
-from slip_vic_controller.safety.limit_avoidance import MotionLimits
-from slip_vic_controller.safety.modes import ModePolicy, ModeState
-from slip_vic_controller.safety.validation import JointInput, JointLimits, SlipQueue, VectorInput, VectorLimits
+from slip_vic_controller.safety.modes import ModeState
+from slip_vic_controller.safety.validation import (
+    JointInput,
+    JointLimits,
+    JointRecord,
+    SlipQueue,
+    VectorInput,
+    VectorLimits,
+)
 from slip_vic_controller.sizes import MAX_CONTACTS, MAX_JOINTS, Joints
 
 LEDGER = 3 + 4 * MAX_CONTACTS + 5 + 1
 
 
-class CycleConfig(Record):
-    """What the cycle itself needs to be configured."""
+class ControllerConfig(Record):
+    """All that does not change while the controller of an arm runs."""
 
     period_ns: Whole
     slow_down_s: Real  # s; time in which the path comes to rest
@@ -58,29 +63,21 @@ class CycleConfig(Record):
     models_wrench: Whole  # whether there is no wrench sensor
     follows_stream: Whole  # whether the path is a governed stream of references
     follows_goals: Whole  # whether it leads from goal to goal
-
-
-class ControllerConfig(Record):
-    """All that does not change while the controller of an arm runs."""
-
     law: LawConfig
     gains: LawGains
     path: Path
     observer: ObserverConfig
-    cycle: CycleConfig
     joint: JointLimits
     wrench: VectorLimits
     slip: VectorLimits
-    modes: ModePolicy
     conditions: ConditionsConfig
     drop: DropDetectionConfig
-    motion: MotionLimits
     hold: HoldConfig
     governor: GovernorConfig
     wrench_sensor: WrenchSensor
     grip: GripConfig
     estimator: EstimatorConfig
-    command: CommandConfig
+    command: CommandLimits
     tare: TareConfig
 
 
@@ -143,7 +140,6 @@ class ArmState(Record):
     sliding_ns: Whole  # stamp of the first sample of a slip at which the law does not begin
     observed: ObservedMotion
     latency: Latency
-    limiter: EffortLimiter
     hold: Hold
     tuned: Ramp
     law: LawState
@@ -152,7 +148,7 @@ class ArmState(Record):
     grip: Grip
     grasp: Pose  # its pad as the first arm's pad saw it when the law began
     estimate: JointEstimate
-    motion: MotionCommand  # where the drives take velocities or positions
+    sent: SentCommand
     tare: Tare
 
 
@@ -209,8 +205,7 @@ class CycleOutputs(Record):
     before: ModeState  # of the cycle before
     decided: Whole  # whether the mode says what the arm does; else it has waited or held already
     answered: Whole  # 0 = no effort, something is missing
-    evaluated: Whole  # whether `law` holds
-    ok: Whole  # whether the law's effort went out
+    ok: Whole  # whether `law` holds, and its effort went out
     ledger: Annotated[WholeArray, LEDGER]
     """All that the cycle depends on: its number, stamp of the joint state, then stamps of the newest wrench and slip
     velocity of each contact (none where they were not used); behind them the controller's clock, mode, health, request,
@@ -233,7 +228,7 @@ class CycleOutputs(Record):
     motion: Motion
     law: Evaluation
     estimate: SlipEstimate
-    joints: PublishedJoints
+    joints: JointRecord  # as estimated, zeros without an estimate; `effort` is that of the disturbance
 
 
 OUTPUTS = dtype_of(CycleOutputs)

@@ -29,7 +29,7 @@ from slip_vic.run.prepare import prepare
 from slip_vic.run.processes import Child, ProcessGroup, child_environment
 from slip_vic.scenarios.scenario import Scenario
 from slip_vic_controller.arm.robot import Robot
-from slip_vic_controller.safety.effort_limiter import LONGEST_STEP_S, RESTART_AFTER_S
+from slip_vic_controller.safety.effort_limiter import LONGEST_STEP_S
 from test.campaigns.attacks.attacks import ATTACKS, TWO_SOURCES
 from test.campaigns.attacks.flood import FOREIGN
 from test.campaigns.attacks.operator import Operator
@@ -91,7 +91,7 @@ class CommandWatch:
         rate = params.safety.limits.effort_rate if effort_rate is None else effort_rate
         most = Robot(scenario.urdf, params.ee_frame, params.joint_names, params.gravity).effort_limit
         # By the stamps of the states that they answer, between which a cycle may take the longest step.
-        slope, pause_s = rate * LONGEST_STEP_S / PERIOD_S, RESTART_AFTER_S
+        slope, pause_s = rate * LONGEST_STEP_S / PERIOD_S, params.safety.inputs.age_s
         self._wire = Wire(EFFORT, params.joint_names, params.ee_frame)
         self.monitor = CommandMonitor(Promise(most, slope, pause_s, pause_s, PERIOD_S))
         self.judges_steps, self._stamp_ns = True, 0

@@ -21,9 +21,9 @@ from slip_sim_bridge.session import BridgeSession
 from slip_vic.scenarios.scenario import Law, Scenario
 from slip_vic_controller.node.arm_topics import STATE_DEPTH
 from slip_vic_controller.params.node_params import ControllerNodeParams
-from slip_vic_controller.safety.effort_limiter import LONGEST_STEP_S, RESTART_AFTER_S
+from slip_vic_controller.safety.effort_limiter import LONGEST_STEP_S
 from slip_vic_controller.safety.modes import Mode, Request
-from slip_vic_controller.safety.validation import ACCEPT_AFTER, FUTURE_S
+from slip_vic_controller.safety.validation import ACCEPT_AFTER
 from slip_vic_controller.session.controller import ArmController, Controller
 from slip_vic_controller.session.cycle_result import CycleResult
 from slip_vic_controller.session.session import RETUNABLE
@@ -187,7 +187,7 @@ class Trial:
         self._user = User(
             plan.task, np.random.default_rng(np.random.SeedSequence(plan.seed, spawn_key=(plan.trial, 10)))
         )
-        self._safe = SafeStateMonitor(limits, FUTURE_S, unheeded)
+        self._safe = SafeStateMonitor(limits, self.scenario.controller.safety.inputs.age_s, unheeded)
         self._stops = [fault for fault in plan.faults if fault.kind == "stop"]
         self._clock_stops = [fault for fault in plan.faults if fault.kind == "clock_stop"]
         self._modes: Counter[str] = Counter()
@@ -418,7 +418,7 @@ def promise_of(arm: ArmController, period_s: float) -> Promise:
         most, rate = speed, command.acceleration_limit
     elif command.interface == "position":
         most, least, rate = arm.robot.position_upper, arm.robot.position_lower, speed
-    return Promise(most, rate, LONGEST_STEP_S, RESTART_AFTER_S, period_s, least)
+    return Promise(most, rate, LONGEST_STEP_S, arm.params.safety.inputs.age_s, period_s, least)
 
 
 def starts_of(session: OneArm, joint: JointSample) -> list[NDArray[np.float64]]:

@@ -8,16 +8,15 @@ import pytest
 from slip_core.arrays import Array
 from slip_core.records import new, record
 from slip_vic_controller.arm.command import (
-    COMMAND_CONFIG,
+    COMMAND_LIMITS,
     LEAD,
-    MOTION_COMMAND,
-    CommandConfig,
-    MotionCommand,
+    SENT_COMMAND,
+    CommandLimits,
+    SentCommand,
     advance_motion,
     joint_acceleration,
     start_motion,
     stop_motion,
-    stopping_speed,
 )
 from slip_vic_controller.sizes import MAX_JOINTS
 
@@ -26,16 +25,16 @@ ROUNDING = 1e-9
 VELOCITY, ACCELERATION = np.array([2.0, 1.0, 3.0]), np.array([15.0, 10.0, 20.0])
 
 
-def limits(reach: float = 2.8) -> CommandConfig:
-    config: CommandConfig = record(new(COMMAND_CONFIG), COMMAND_CONFIG)
+def limits(reach: float = 2.8) -> CommandLimits:
+    config: CommandLimits = record(new(COMMAND_LIMITS), COMMAND_LIMITS)
     config.joints = N
     config.velocity[:N], config.acceleration[:N] = VELOCITY, ACCELERATION
     config.lower[:N], config.upper[:N] = -reach, reach
     return config
 
 
-def begun(config: CommandConfig, q: Array, qd: Array) -> MotionCommand:
-    state: MotionCommand = record(new(MOTION_COMMAND), MOTION_COMMAND)
+def begun(config: CommandLimits, q: Array, qd: Array) -> SentCommand:
+    state: SentCommand = record(new(SENT_COMMAND), SENT_COMMAND)
     start_motion(config, state, q, qd)
     return state
 
@@ -109,14 +108,6 @@ def test_command_lead_is_bounded() -> None:
     for _ in range(3000):
         advance_motion(config, state, full(np.array([5.0, -5.0, 5.0])), np.zeros(MAX_JOINTS), PERIOD, limited)
     assert (np.abs(state.velocity[:N]) <= LEAD + ROUNDING).all()
-
-
-@pytest.mark.parametrize("distance", [1e-3, 0.1, 1.0])
-def test_stopping_speed_inverts_distance(distance: float) -> None:
-    a = 10.0
-    v = stopping_speed(distance, a)
-    assert v * v / (2.0 * a) == pytest.approx(distance, rel=1e-12)
-    assert stopping_speed(-distance, a) == 0.0
 
 
 def test_acceleration_solves_equation_of_motion() -> None:

@@ -58,7 +58,7 @@ def test_commands_keep_limits(drive: str) -> None:
 def test_command_integrates_acceleration() -> None:
     run = Run("paper_planar", "velocity_500")
     before, checked, n = run.cycles(600), 0, 7
-    last = np.array(run.loop.controller.state.motion.acceleration[:n])
+    last = np.array(run.loop.controller.state.sent.acceleration[:n])
     for _ in range(100):
         outputs = run.loop.observe()
         result = run.loop.control(outputs)
@@ -104,7 +104,7 @@ def test_watchdog_stops_the_command(realtime: Controller) -> None:
     for k in range(1, 60):
         result = feed(session, k, 0.2)
     assert result.mode.follows
-    session.state.motion.velocity[0] = 0.2
+    session.state.sent.velocity[0] = 0.2
     speeds, now = [0.2], 59
     for _ in range(200):
         now += 5
@@ -126,7 +126,7 @@ def test_pause_keeps_step_limit(drive: str, pause_ms: int) -> None:
     session = OneArm(one_arm(scenario.controller, scenario.urdf, lockstep=False))
     for k in range(1, 15):
         before = feed(session, 4 * k, 0.2)
-    session.state.motion.velocity[0] = 1.5
+    session.state.sent.velocity[0] = 1.5
     after = session.failed((56 + pause_ms) * MS)
     assert after.command.interface == KINDS[drive]
     first = 1.5 if drive == "velocity_500" else before.command.numbers[0]

@@ -10,7 +10,7 @@ import pytest
 from slip_core.types import JointCommand
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load_scenario
-from slip_vic_controller.arm.joint_estimate import Finding
+from slip_vic_controller.safety.conditions import Reason, Why, put_why
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.session.cycle_result import CycleResult
 from test.support.watched_loop import WatchedLoop, with_joints
@@ -50,9 +50,9 @@ class Run(WatchedLoop):
 @pytest.mark.parametrize(
     ("joint", "change", "finding"),
     [
-        (1, lambda q, qd: -qd, Finding.VELOCITY),
-        (3, lambda q, qd: 0.0 * qd, Finding.VELOCITY),
-        (3, lambda q, qd: qd + 1.5, Finding.VELOCITY),
+        (1, lambda q, qd: -qd, Reason.VELOCITY),
+        (3, lambda q, qd: 0.0 * qd, Reason.VELOCITY),
+        (3, lambda q, qd: qd + 1.5, Reason.VELOCITY),
     ],
 )
 def test_wrong_velocity_names_joint(joint: int, change: Any, finding) -> None:
@@ -67,13 +67,13 @@ def test_wrong_velocity_names_joint(joint: int, change: Any, finding) -> None:
     assert result.mode == Mode.FAULT
     name = run.arm.controller.robot.joint_names[joint]
     assert result.reason.startswith(f"{name}: its velocity ")
-    assert run.arm.state.estimate.finding == finding
+    assert run.arm.state.estimate.found.reason == finding
     run.cycles(1)
     assert run.speed < 0.1
 
 
-@pytest.mark.parametrize("finding", tuple(each for each in Finding if each != Finding.NONE))
-def test_one_reset_clears_findings(finding: Finding) -> None:
+@pytest.mark.parametrize("finding", tuple(each for each in Reason if Reason.VELOCITY <= each <= Reason.IGNORED))
+def test_one_reset_clears_findings(finding: Reason) -> None:
     """What has been found stays until a user resets it: the first reset forgot it, and only a second one was heard."""
     loop = ClosedLoop(load_scenario("paper_planar"))
 
@@ -84,8 +84,7 @@ def test_one_reset_clears_findings(finding: Finding) -> None:
         return Mode(result.mode)
 
     assert [cycle() for _ in range(5)][-1] == Mode.ACTIVE
-    found = loop.controller.state.estimate
-    found.finding, found.joint, found.value, found.limit = finding, 2, 1.0, 0.5
+    put_why(loop.controller.state.estimate.found, Why(finding, 0, 0, 2, 1.0, 0.5))
     assert [cycle() for _ in range(100)][-1] == Mode.FAULT
     assert cycle(Request.RESET_FAULT) == Mode.HOLD
     assert cycle(Request.ENABLE) in (Mode.ACTIVE, Mode.DEGRADED)

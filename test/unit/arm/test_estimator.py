@@ -29,7 +29,6 @@ from slip_vic_controller.arm.joint_estimate import (
     ESTIMATOR_CONFIG,
     JOINT_ESTIMATE,
     MAX_LATENCY,
-    Finding,
     Trust,
     clear_findings,
 )
@@ -37,6 +36,7 @@ from slip_vic_controller.arm.plausibility import BIAS
 from slip_vic_controller.contact.layouts import MOTION
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.params.controller_params import ControllerParams
+from slip_vic_controller.safety.conditions import NOTHING, Reason, read_why
 from test.referees import joint_filter
 from test.support.call import call
 
@@ -144,7 +144,7 @@ def moving(change: Any, steps: int = 400, seed: int = 1) -> tuple[Any, int, floa
         joints.act(a)
         if found >= 0:
             error = max(error, abs(velocity[1] - v))
-        if found < 0 and joints.state.finding != Finding.NONE:
+        if found < 0 and joints.state.found.reason != Reason.NONE:
             found = k - 200
     return joints.state, found, error
 
@@ -152,14 +152,14 @@ def moving(change: Any, steps: int = 400, seed: int = 1) -> tuple[Any, int, floa
 def test_contradiction_found_within_milliseconds() -> None:
     """Wrong sign, stuck, biased: the joint goes on with the other measurement."""
     cases = [
-        (lambda q, v, t, m: (q, -v), Finding.VELOCITY, Trust.POSITION, 10),
-        (lambda q, v, t, m: (q, 0.0), Finding.VELOCITY, Trust.POSITION, 15),
-        (lambda q, v, t, m: (m.setdefault("q", q), v), Finding.POSITION, Trust.VELOCITY, 15),
-        (lambda q, v, t, m: (q, v + 0.5), Finding.VELOCITY, Trust.POSITION, 15),
+        (lambda q, v, t, m: (q, -v), Reason.VELOCITY, Trust.POSITION, 10),
+        (lambda q, v, t, m: (q, 0.0), Reason.VELOCITY, Trust.POSITION, 15),
+        (lambda q, v, t, m: (m.setdefault("q", q), v), Reason.POSITION, Trust.VELOCITY, 15),
+        (lambda q, v, t, m: (q, v + 0.5), Reason.VELOCITY, Trust.POSITION, 15),
     ]
     for change, finding, trust, most in cases:
         state, found, error = moving(change)
-        assert (Finding(state.finding), state.joint, Trust(state.trust[1])) == (finding, 1, trust)
+        assert (Reason(state.found.reason), state.found.which, Trust(state.trust[1])) == (finding, 1, trust)
         assert 0 <= found <= most
         assert error < 0.8, finding
         assert list(state.trust[[0, 2]]) == [Trust.BOTH, Trust.BOTH]
@@ -175,8 +175,8 @@ def test_inverted_velocity_is_not_trusted() -> None:
             v = speed + 2e-3 * rng.normal()
             q = np.array([0.0, speed * t, 0.0]) + 2e-5 * rng.normal(size=N)
             call(estimate_joints, config, state, k * period_ms * MS, q, np.array([0.0, -v if wrong else v, 0.0]), True)
-        found = Finding(state.finding), state.joint, Trust(state.trust[1])
-        assert found == (Finding.VELOCITY, 1, Trust.POSITION), (period_ms, speed)
+        found = Reason(state.found.reason), state.found.which, Trust(state.trust[1])
+        assert found == (Reason.VELOCITY, 1, Trust.POSITION), (period_ms, speed)
 
 
 def test_drifting_position_is_not_followed() -> None:
@@ -187,10 +187,10 @@ def test_drifting_position_is_not_followed() -> None:
         joints.sample(q, 3e-3 * rng.normal(size=N))
         joints.act(0.0)
     state = joints.state
-    assert (Finding(state.finding), state.joint) == (Finding.POSITION, 2)
+    assert (Reason(state.found.reason), state.found.which) == (Reason.POSITION, 2)
     assert abs(state.position[2] - 0.4) < 0.02
     call(clear_findings, state)
-    assert (state.finding, state.joint, state.value, state.limit) == (Finding.NONE, 0, 0.0, 0.0)
+    assert call(read_why, state.found) == NOTHING
     assert not state.trust.any()
     assert not state.jumped_s.any()
     assert not state.beyond_s.any()
@@ -200,13 +200,17 @@ def test_drifting_position_is_not_followed() -> None:
 def test_slow_lie_is_found(lie: float) -> None:
     """As Page's sum has it: after difference / (lie - BIAS), however slowly; the disturbance swallows it meanwhile."""
     state, found, _ = moving(lambda q, v, t, m: (q, v + lie), steps=1200)
-    assert (Finding(state.finding), state.joint, Trust(state.trust[1])) == (Finding.VELOCITY, 1, Trust.POSITION)
+    assert (Reason(state.found.reason), state.found.which, Trust(state.trust[1])) == (
+        Reason.VELOCITY,
+        1,
+        Trust.POSITION,
+    )
     assert found * T == pytest.approx(configuration().difference / (abs(lie) - BIAS), rel=0.3)
 
 
 @pytest.mark.parametrize("late_s", [0.004, 0.009])
 def test_filtered_velocity_is_no_fault(late_s: float) -> None:
-    """Its parity is what it gained times its delay, which is borne up to LATE_S."""
+    """Its parity is what it gained times its delay, which is borne up to MEAN_S."""
 
     def filtered(q: float, v: float, t: float, memory: dict[str, float]) -> tuple[float, float]:
         memory["v"] = memory.get("v", v) + (1.0 - math.exp(-T / late_s)) * (v - memory.get("v", v))
@@ -223,7 +227,7 @@ def test_noise_is_no_fault() -> None:
     for seed in range(5):
         state, found, _ = moving(lambda q, v, t, m: (q, v), steps=2000, seed=seed)
         assert found == -1
-        assert state.finding == Finding.NONE
+        assert state.found.reason == Reason.NONE
 
 
 def opposed(d: Any, steps: int, v: float = 0.0, wrench: Any = None, **values: Any) -> tuple[Any, np.ndarray]:
@@ -242,7 +246,7 @@ def test_bounded_disturbance_is_removed() -> None:
     effort = np.array([3.0, -2.0, 0.5])
     state, added = opposed(lambda t: effort, 500)
     np.testing.assert_allclose(added, -effort, atol=1e-3)
-    assert state.finding == Finding.NONE
+    assert state.found.reason == Reason.NONE
     _, added = opposed(lambda t: effort, 5)
     np.testing.assert_allclose(added, -effort * (1.0 - math.exp(-1.0)), atol=1e-9)
     _, added = opposed(lambda t: effort, 5, control_period_s=0.004)  # five periods
@@ -255,8 +259,12 @@ def test_excess_disturbance_is_a_finding() -> None:
 
     state, added = opposed(slow, 1500)
     assert added[2] == pytest.approx(-0.25 * 12.0, rel=1e-6)
-    assert (Finding(state.finding), state.joint, state.limit) == (Finding.DISTURBED, 2, pytest.approx(3.0))
-    assert opposed(slow, 600)[0].finding == Finding.NONE
+    assert (Reason(state.found.reason), state.found.which, state.found.limit) == (
+        Reason.DISTURBED,
+        2,
+        pytest.approx(3.0),
+    )
+    assert opposed(slow, 600)[0].found.reason == Reason.NONE
 
 
 def test_jump_is_a_collision() -> None:
@@ -264,9 +272,9 @@ def test_jump_is_a_collision() -> None:
         return lambda t: np.array([0.0, size if t > 0.1 else 0.0, 0.0])
 
     state, _ = opposed(step(20.0), 130)
-    assert (Finding(state.finding), state.joint) == (Finding.COLLISION, 1)
-    assert state.value > state.limit == pytest.approx(15.0)
-    assert opposed(step(10.0), 400)[0].finding == Finding.NONE
+    assert (Reason(state.found.reason), state.found.which) == (Reason.COLLISION, 1)
+    assert state.found.value > state.found.limit == pytest.approx(15.0)
+    assert opposed(step(10.0), 400)[0].found.reason == Reason.NONE
 
 
 def test_pad_variances_match_matrices() -> None:

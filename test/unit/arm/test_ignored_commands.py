@@ -10,8 +10,8 @@ import pytest
 from slip_core.records import new, record
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.arm.command import (
-    COMMAND_CONFIG,
-    MOTION_COMMAND,
+    COMMAND_LIMITS,
+    SENT_COMMAND,
     Interface,
     ignored_joint,
 )
@@ -63,7 +63,10 @@ def test_paused_arm_is_not_thrown(name: str, drive: str, law: str) -> None:
 
 def command(**values: Any) -> tuple[Any, Any]:
     """Return configuration and state of a command of N joints."""
-    config, state = record(new(COMMAND_CONFIG), COMMAND_CONFIG), record(new(MOTION_COMMAND), MOTION_COMMAND)
+    config, state = (
+        record(new(COMMAND_LIMITS), COMMAND_LIMITS),
+        record(new(SENT_COMMAND), SENT_COMMAND),
+    )
     config.interface, config.joints = Interface.POSITION, N
     config.velocity[:], config.lower[:], config.upper[:] = 2.0, -1.0, 1.0
     for name, value in values.items():

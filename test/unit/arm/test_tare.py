@@ -5,13 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from slip_core.records import new, record
+from slip_core.records import dtype_of, new, record
 from slip_vic_controller.arm.tare import (
     MOVED,
     ROUGH,
-    TARE,
-    TARE_CONFIG,
-    Sensor,
     Tare,
     TareConfig,
     add,
@@ -24,13 +21,14 @@ from slip_vic_controller.arm.tare import (
     start_tare,
     take_biases,
 )
+from slip_vic_controller.safety.conditions import Reason, describe
 from slip_vic_controller.sizes import NEVER
 
 N, SAMPLES = 7, 300
 
 
 def bounds() -> TareConfig:
-    config: TareConfig = record(new(TARE_CONFIG), TARE_CONFIG)
+    config: TareConfig = record(new(dtype_of(TareConfig)), dtype_of(TareConfig))
     config.joints = N
     config.slip_linear, config.slip_angular, config.force, config.torque = 0.02, 0.2, 0.5, 0.05
     config.mass, config.mass_share = 0.5, 0.5
@@ -38,7 +36,7 @@ def bounds() -> TareConfig:
 
 
 def begun() -> Tare:
-    state: Tare = record(new(TARE), TARE)
+    state: Tare = record(new(dtype_of(Tare)), dtype_of(Tare))
     start_tare(state, NEVER)
     return state
 
@@ -64,27 +62,25 @@ def test_means_and_spreads_match_numpy(seed: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("sensor", "axis", "bias"),
+    ("sensor", "axis", "bias", "words"),
     [
-        (Sensor.SLIP, 1, 0.03),
-        (Sensor.SLIP, 5, -0.3),
-        (Sensor.WRENCH, 0, 0.7),
-        (Sensor.WRENCH, 4, 0.08),
-        (Sensor.JOINTS, 6, -0.03),
+        (0, 1, 0.03, "the slip sensor [m/s] reads 0.03 at rest"),
+        (0, 5, -0.3, "the slip sensor [rad/s] reads 0.3 at rest"),
+        (1, 0, 0.7, "the wrench sensor [N] reads 0.7 at rest"),
+        (1, 4, 0.08, "the wrench sensor [N m] reads 0.08 at rest"),
+        (2, 6, -0.03, "the joint velocity [rad/s] reads 0.03 at rest"),
     ],
 )
-def test_excess_bias_names_sensor(sensor: Sensor, axis: int, bias: float) -> None:
+def test_excess_bias_names_sensor(sensor: int, axis: int, bias: float, words: str) -> None:
     config, state = bounds(), begun()
     for _ in range(SAMPLES):
-        slip, wrench, qd = np.zeros(6), np.zeros(6), np.zeros(N)
-        target = {Sensor.SLIP: slip, Sensor.WRENCH: wrench, Sensor.JOINTS: qd}[sensor]
-        target[axis] = bias
+        slip, wrench, qd = samples = np.zeros(6), np.zeros(6), np.zeros(N)
+        samples[sensor][axis] = bias
         add(state.slip, slip, 6)
         add(state.wrench, wrench, 6)
         add_velocities(config, state, qd)
     assert judge_tare(config, state)
-    assert state.sensor == sensor
-    assert state.worst == pytest.approx(abs(bias))
+    assert describe(state.found, ()).startswith(words)
     start_tare(state, NEVER)
     assert not judge_tare(config, state)
 
@@ -121,7 +117,7 @@ def test_bias_is_removed_noise_is_not() -> None:
         add(state.wrench, np.array([0.1, 0, 0, 0, 0, 0]) + 0.05 * rng.normal(size=6), 6)
         add_velocities(config, state, 3e-3 * rng.normal(size=N))
     take(config, state, np.zeros(6))
-    assert state.sensor == Sensor.NONE
+    assert state.found.reason == Reason.NONE
     np.testing.assert_allclose(state.slip.bias[:6], [0.01, 0, 0, 0, 0, 0.1], atol=2e-4)
     assert np.count_nonzero(state.slip.bias[:6]) == 2
     np.testing.assert_allclose(state.wrench.bias[:6], [0.1, 0, 0, 0, 0, 0], atol=0.01)
@@ -135,20 +131,20 @@ WEIGHT = np.array([0.0, 3.0, -4.0, 0.1, 0.0, 0.0])
 @pytest.mark.parametrize(
     ("share", "across", "accused", "says"),
     [
-        (0.4, 1.0, Sensor.NONE, 0.0), (-0.4, 1.0, Sensor.NONE, 0.0), (0.8, 1.0, Sensor.MASS, 0.9),
-        (-2.0, 1.0, Sensor.MASS, -0.5), (0.8, 10.0, Sensor.WRENCH, 2.0),
+        (0.4, 1.0, Reason.NONE, 0.0), (-0.4, 1.0, Reason.NONE, 0.0), (0.8, 1.0, Reason.WRONG_MASS, 0.9),
+        (-2.0, 1.0, Reason.INVERTED_WRENCH, -0.5), (0.8, 10.0, Reason.BIASED, 2.0),
     ],
 )  # fmt: skip
-def test_wrong_mass_is_no_bias(share: float, across: float, accused: Sensor, says: float) -> None:
+def test_wrong_mass_is_no_bias(share: float, across: float, accused: Reason, says: float) -> None:
     """Inside its share the measured mass is used, beyond it is named; force across the weight is a bias."""
     config, state, bias = bounds(), begun(), across * np.array([0.2, 0.08, 0.06, 0, 0, 0])
     for _ in range(SAMPLES):
         add(state.wrench, share * WEIGHT + bias, 6)
     take(config, state, WEIGHT)
-    assert state.sensor == accused
-    assert state.worst == pytest.approx(says)
-    assert state.mass_share == pytest.approx(share if accused == Sensor.NONE else 0.0)
-    np.testing.assert_allclose(state.wrench.bias[:6], bias if accused == Sensor.NONE else 0.0, atol=1e-12)
+    assert state.found.reason == accused
+    assert state.found.value == pytest.approx(says)
+    assert state.mass_share == pytest.approx(share if accused == Reason.NONE else 0.0)
+    np.testing.assert_allclose(state.wrench.bias[:6], bias if accused == Reason.NONE else 0.0, atol=1e-12)
 
 
 def test_motion_ends_the_tare() -> None:

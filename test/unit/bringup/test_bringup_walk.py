@@ -45,8 +45,8 @@ def track(hz: float = 100.0, count: int = 200, late: float = 0.0) -> Track:
     ],
 )
 def test_slow_late_and_disordered_streams(samples: Track, word: str) -> None:
-    assert stream("wrench", track(), 80.0, 120.0, 0.05).holds
-    assert word in stream("wrench", samples, 80.0, 120.0, 0.05).fix
+    assert stream("wrench", track(), 80.0, 120.0, 0.05, 0.05).holds
+    assert word in stream("wrench", samples, 80.0, 120.0, 0.05, 0.05).fix
 
 
 def test_rate_ignores_gaps() -> None:

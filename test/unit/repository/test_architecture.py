@@ -68,7 +68,9 @@ OWN = {  # layers inside a package: what of the own package a part may import
     "slip_core.part_compiler": set(),
     "slip_core.records": {"slip_core.arrays", "slip_core.stamps"},
     "slip_core.vectors": {"slip_core.arrays", "slip_core.compiled"},
-    "slip_vic_controller.arm": {f"slip_vic_controller.{part}" for part in ("arm", "law.arm", "params.arm_params")}
+    "slip_vic_controller.arm": {
+        f"slip_vic_controller.{part}" for part in ("arm", "law.arm", "params.arm_params", "safety.conditions")
+    }
     | SHARED,
     "slip_vic_controller.config": CYCLE
     | {
@@ -115,6 +117,7 @@ OWN = {  # layers inside a package: what of the own package a part may import
             "law.contact",
             "law.extensions",
             "law.evaluation",
+            "arm.command",
             "arm.joint_estimate",
             "arm.plausibility",
             "arm.tare",

@@ -52,7 +52,7 @@ def break_controller(monkeypatch: pytest.MonkeyPatch, change: Callable[[Any], No
 
 
 def without_rate_limit(config: Any) -> None:
-    config.motion.drive.rate = 1e9
+    config.command.effort_rate = 1e9
 
 
 def test_missing_rate_limit_is_caught(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -163,9 +163,6 @@ def test_slip_displacement_is_integrated_over_cycles() -> None:
     np.testing.assert_allclose(slip.position[:2], V @ twist[:2] * t, atol=1e-8)
 
 
-# -- references ---------------------------------------------------------------------------------------
-
-
 # -- what is published --------------------------------------------------------------------------------
 
 
@@ -193,12 +190,12 @@ def test_numbers_of_the_ledger() -> None:
 
 def test_kappa_bounded_by_delay() -> None:
     config, state, outputs = (record(new(of), of) for of in (CONFIG, ARM_STATE, OUTPUTS))
-    config.law.contacts, config.cycle.period_ns, config.cycle.pad_stiffness = 2, MS, 1e4
+    config.law.contacts, config.period_ns, config.pad_stiffness = 2, MS, 1e4
     outputs.gains.gains.M_D[:3] = 2.0, 1.0, 3.0
     for share, lag_s, measured_ms, late_ms, kappa in itertools.product(
         (0.5, 1.0), (0.0, 0.003), (0, 2), ((0, 0), (1, 5), (5, 1)), (0.05, 1e3)
     ):
-        config.cycle.kappa_share, config.cycle.drive_lag_s = share, lag_s
+        config.kappa_share, config.drive_lag_s = share, lag_s
         state.latency.most_ns, state.joint.answers.stamp_ns, outputs.gains.gains.kappa = measured_ms * MS, 9 * MS, kappa
         for k in range(2):
             state.wrench_inputs[k].stamp_ns = (9 - late_ms[k]) * MS

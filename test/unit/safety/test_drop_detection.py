@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from slip_core.records import new, record
+from slip_core.records import dtype_of, new, record
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.law.evaluation import EVALUATION
 from slip_vic_controller.path.paths import REFERENCE
-from slip_vic_controller.safety.drop_detection import DROP_DETECTION, OBSERVED, observe_motion
+from slip_vic_controller.safety.drop_detection import DropDetectionConfig, ObservedMotion, observe_motion
 from test.support.call import call
 
 EQUAL = 1e-12
@@ -20,7 +20,7 @@ class Detection:
     """What runs, with records by name."""
 
     def __init__(self, axes=LINEAR) -> None:
-        layouts = (DROP_DETECTION, OBSERVED, ARM, EVALUATION, REFERENCE)
+        layouts = (dtype_of(DropDetectionConfig), dtype_of(ObservedMotion), ARM, EVALUATION, REFERENCE)
         self.buffers = [new(layout) for layout in layouts]
         views = [record(buffer, layout) for buffer, layout in zip(self.buffers, layouts, strict=True)]
         self.config, self.observed, self.arm, self.law, self.reference = views

@@ -9,10 +9,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from slip_core.records import new, record
+from slip_vic_controller.arm.command import COMMAND_LIMITS, SENT_COMMAND
 from slip_vic_controller.safety import effort_limiter
 from slip_vic_controller.safety.effort_limiter import (
-    EFFORT_LIMITS,
-    LIMITER,
     needs_restart,
     start_limiter,
 )
@@ -26,9 +25,9 @@ wants = st.lists(st.tuples(arrays(float, N, elements=any_float), st.integers(-(1
 
 
 def limits_record() -> np.ndarray:
-    buffer = new(EFFORT_LIMITS)
-    limits = record(buffer, EFFORT_LIMITS)
-    limits.effort[:N], limits.rate = LIMIT, 1000.0
+    buffer = new(COMMAND_LIMITS)
+    limits = record(buffer, COMMAND_LIMITS)
+    limits.effort[:N], limits.effort_rate = LIMIT, 1000.0
     limits.longest_step_ns, limits.restart_after_ns, limits.period_ns = 5_000_000, 50_000_000, PERIOD_NS
     return buffer
 
@@ -40,8 +39,8 @@ class Limiter:
     """What runs, from an effort at a time."""
 
     def __init__(self, effort=(0.0, 0.0, 0.0), now_ns: int = 0) -> None:
-        self.buffer = new(LIMITER)
-        self.record = record(self.buffer, LIMITER)
+        self.buffer = new(SENT_COMMAND)
+        self.record = record(self.buffer, SENT_COMMAND)
         self.record.started, self.record.now_ns, self.record.effort[:N] = 1, now_ns, effort
 
     @property

@@ -19,7 +19,7 @@ from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_msgs_py.messages import forms, from_msgs
 from slip_msgs_py.qos import message_class
 from slip_sim_bridge.session import BridgeSession
-from slip_vic_controller.safety.effort_limiter import LONGEST_STEP_S, RESTART_AFTER_S
+from slip_vic_controller.safety.effort_limiter import LONGEST_STEP_S
 from slip_vic_controller.safety.modes import Request
 from slip_vic_controller.session.controller import Controller
 from test.campaigns.faults.monitors import CommandMonitor, Promise
@@ -143,8 +143,9 @@ steps = st.lists(
 def test_session_keeps_command_limits(first_bad: bool, sequence: list[tuple[str, Any, int]]) -> None:
     """From the very first sample on, which may be bad as well."""
     scenario, law = prepared("paper_planar", True, "vic")
-    limits = law.first.params.safety.limits
-    promise = Promise(law.first.robot.effort_limit, limits.effort_rate, LONGEST_STEP_S, RESTART_AFTER_S, PERIOD_S)
+    safety = law.first.params.safety
+    rate, pause_s = safety.limits.effort_rate, safety.inputs.age_s
+    promise = Promise(law.first.robot.effort_limit, rate, LONGEST_STEP_S, pause_s, PERIOD_S)
     _run(scenario, law, CommandMonitor(promise), first_bad, sequence)
 
 

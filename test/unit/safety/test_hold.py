@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from slip_core.records import new, record
+from slip_core.records import dtype_of, new, record
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.params.safety_params import SafetyParams
 from slip_vic_controller.safety.hold import (
     DELAY,
-    HOLD,
-    HOLD_CONFIG,
     LOAD_LEVER,
+    Hold,
+    HoldConfig,
     carry_load,
     gains_for_delay,
     hold_effort,
@@ -64,9 +64,10 @@ class Random:
 
     def __init__(self, seed: int, n: int) -> None:
         rng = self.rng = np.random.default_rng(seed)
-        self.n, self.buffers = n, [new(layout) for layout in (HOLD_CONFIG, HOLD, ARM)]
+        layouts = (dtype_of(HoldConfig), dtype_of(Hold), ARM)
+        self.n, self.buffers = n, [new(layout) for layout in layouts]
         self.config, self.hold, self.arm = (
-            record(buffer, layout) for buffer, layout in zip(self.buffers, (HOLD_CONFIG, HOLD, ARM), strict=True)
+            record(buffer, layout) for buffer, layout in zip(self.buffers, layouts, strict=True)
         )
         root, inertia_root = rng.standard_normal((n, n)), 0.3 * rng.standard_normal((3, 3))
         self.config.stiffness, self.config.damping = 225.0, 30.0
@@ -115,7 +116,7 @@ def test_fast_joint_takes_its_posture_along() -> None:
     made_up = law_at_work()
     assert made_up.past_validation(wrench=np.full(6, np.nan)).mode is Mode.HOLD
     before = np.array(made_up.state.hold.posture[:N])
-    limit = record(made_up.controller.config, CONFIG).motion.velocity[:N]
+    limit = record(made_up.controller.config, CONFIG).command.velocity[:N]
     velocity = limit * np.array([1.01, -1.01, 0.99, -0.99, 0.0, 1.0, 1.4])
     away = made_up.joint(POSITION + np.linspace(0.1, 0.2, N), velocity)
     assert made_up.past_validation(away, passed_ns=0).mode is Mode.HOLD
@@ -184,7 +185,7 @@ def test_slow_clock_keeps_hold_margin(period_s: float) -> None:
     soft = "controller.gains.stiffness=[1, 1, 1, 1, 1, 1]"
     scenario = load_scenario("paper_planar", assignments=(f"controller.control_period_s={period_s}", soft))
     hold = record(one_arm(scenario.controller, scenario.urdf, lockstep=True).first.config, CONFIG).hold
-    slower = max(1.0, period_s / 0.01)
+    slower = max(1.0, 2.0 * math.sqrt(SAFETY.hold_stiffness) * period_s / DELAY)
     assert hold.stiffness * slower**2 == pytest.approx(SAFETY.hold_stiffness)
     assert hold.damping == pytest.approx(2.0 * math.sqrt(hold.stiffness))
 

@@ -7,19 +7,18 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from slip_core.records import new, record
+from slip_core.records import dtype_of, new, record
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load_scenario
-from slip_vic_controller.arm.joint_estimate import Finding
-from slip_vic_controller.cycle.judging import FIRST_FINDING, judge, slows
+from slip_vic_controller.cycle.judging import judge, slows
 from slip_vic_controller.safety.conditions import (
-    HEALTH,
+    NOTHING,
+    Health,
     Reason,
     Severity,
     Why,
     describe,
     forget_conditions,
-    of_fault,
     put_why,
 )
 from slip_vic_controller.safety.modes import Mode
@@ -39,19 +38,12 @@ class Memory(NamedTuple):
     mode: Mode
     slip_unknown_ns: int | None
     too_fast_ns: int | None
-    saturated_ns: int | None
     stopping_ns: int | None
     fall_speed: float
     slip_variance: np.ndarray
     path_speed: float
-    path_scale: float
-    reference_moves: bool
     unseen_ns: int
-    frozen_before: bool
-    wrench_bad_ns: int | None
     pad_twist: np.ndarray
-    slips: tuple[np.ndarray, ...]
-    slid_before: bool
 
 
 class Verdict(NamedTuple):
@@ -63,10 +55,8 @@ class Verdict(NamedTuple):
 
 
 QUIET = Memory(
-    now_ns=NOW_NS - MS, mode=Mode.ACTIVE, slip_unknown_ns=None, too_fast_ns=None, saturated_ns=None, stopping_ns=None,
-    fall_speed=0.0, slip_variance=TWIST, path_speed=1.0, path_scale=1.0, reference_moves=False,
-    unseen_ns=0, frozen_before=False, wrench_bad_ns=None,
-    pad_twist=TWIST, slips=(TWIST,), slid_before=False,
+    now_ns=NOW_NS - MS, mode=Mode.ACTIVE, slip_unknown_ns=None, too_fast_ns=None, stopping_ns=None, fall_speed=0.0,
+    slip_variance=TWIST, path_speed=1.0, unseen_ns=0, pad_twist=TWIST,
 )  # fmt: skip
 NONE = Reason.NONE
 GOOD = (NONE, NONE, NONE)
@@ -85,36 +75,26 @@ class Judge:
         self.state.tare.done = 1
         self.names = self.controller.first.robot.joint_names
 
-    def found(self, health=GOOD, frozen: bool = False, q=POSITION, qd=STILL, now_ns: int = NOW_NS) -> Why:
+    def found(self, health=GOOD, q=POSITION, qd=STILL, now_ns: int = NOW_NS) -> Why:
         """Return what runs finds; health: of wrench, slip and who else publishes."""
-        given, answers = new(HEALTH), self.state.joint.answers
+        given, answers = new(dtype_of(Health)), self.state.joint.answers
         given.view(np.int64)[:] = (NONE, *health)
         answers.position[:N], answers.velocity[:N] = q, qd
-        why = call(judge, record(self.config, CONFIG), self.task, self.state, given, frozen, now_ns)
+        why = call(judge, record(self.config, CONFIG), self.task, self.state, given, now_ns)
         return Why(*why)
 
-    def judge(
-        self, memory: Memory, health=GOOD, frozen: bool = False, q=POSITION, qd=STILL, now_ns: int = NOW_NS
-    ) -> Verdict:
+    def judge(self, memory: Memory, health=GOOD, q=POSITION, qd=STILL, now_ns: int = NOW_NS) -> Verdict:
         s, m, rows = self.state, memory, self.state.conditions
         s.now_ns, s.mode.mode = m.now_ns, m.mode
-        self.task.path.scale = m.path_scale
         forget_conditions(rows)
-        times = dict.fromkeys(SLIP, m.slip_unknown_ns) | {
-            Reason.TOO_FAST: m.too_fast_ns, Reason.SATURATED: m.saturated_ns,
-            Reason.STOPPING: m.stopping_ns, Reason.WRENCH_SLOWS: m.wrench_bad_ns,
-        }  # fmt: skip
+        times = dict.fromkeys(SLIP, m.slip_unknown_ns)
+        times |= {Reason.TOO_FAST: m.too_fast_ns, Reason.STOPPING: m.stopping_ns}
         for reason, since_ns in times.items():
             rows[reason]["since_ns"] = NEVER if since_ns is None else since_ns
-        s.observed.fall_speed, s.observed.path_speed, s.observed.moves = m.fall_speed, m.path_speed, m.reference_moves
+        s.observed.fall_speed, s.observed.path_speed = m.fall_speed, m.path_speed
         s.observed.twist[:], s.pad.contact.variance[:] = m.pad_twist, m.slip_variance
         s.estimate.unmeasured[:N] = m.unseen_ns // MS
-        before = of_fault(Reason.JOINT_STATE, Reason.FROZEN if m.frozen_before else Reason.SILENT)
-        put_why(s.mode.reason, before)
-        for of, slip in zip(s.slip_inputs, m.slips, strict=False):
-            of["values"][:], of["stamp_ns"] = slip, m.now_ns
-        s.sliding_ns = m.now_ns - MS if m.slid_before else NEVER
-        why = self.found(health, frozen, q, qd, now_ns)
+        why = self.found(health, q, qd, now_ns)
         since = (rows[of]["since_ns"] for of in (Reason.SLIP_PREDICTED, Reason.TOO_FAST))
         comes_to_rest = bool(call(slows, record(self.config, CONFIG), s, now_ns))
         times_found = (None if t == NEVER else int(t) for t in since)
@@ -131,19 +111,13 @@ def kinds() -> list[Judge]:
     ]
 
 
-def test_findings_have_their_reasons() -> None:
-    """Their numbers are those of the estimator, shifted."""
-    for finding in Finding:
-        if finding != Finding.NONE:
-            assert Reason(FIRST_FINDING + finding).name == finding.name
-
-
 def test_findings_carry_numbers() -> None:
     judging = Judge()
-    found = judging.state.estimate
-    found.finding, found.joint, found.value, found.limit = Finding.VELOCITY, 4, 0.3, 0.1
-    assert judging.found() == Why(Reason.VELOCITY, 0, 0, 4, 0.3, 0.1)
-    found.finding, judging.state.observed.fall_speed = Finding.NONE, 9.0
+    found = Why(Reason.VELOCITY, 0, 0, 4, 0.3, 0.1)
+    put_why(judging.state.estimate.found, found)
+    assert judging.found() == found
+    put_why(judging.state.estimate.found, NOTHING)
+    judging.state.observed.fall_speed = 9.0
     assert judging.found() == Why(Reason.FALLS, 0, 0, 0, 9.0, 0.0)
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from slip_core.records import new, record
+from slip_core.records import dtype_of, new, record
 from slip_vic_controller.safety.latency import (
     DECAY_S,
-    LATENCY,
+    Latency,
     measure_latency,
 )
 from test.support.call import call
@@ -17,8 +17,8 @@ MS = 1_000_000
 
 def run(took_ms, buffer=None, *, offset_ns: int = 123):
     """Return the record after answers that took so long."""
-    buffer = new(LATENCY) if buffer is None else buffer.copy()
-    state = record(buffer, LATENCY)
+    buffer = new(dtype_of(Latency)) if buffer is None else buffer.copy()
+    state = record(buffer, dtype_of(Latency))
     for k, took in enumerate(took_ms):
         now_ns = 1_000 * MS + k * 4 * MS + offset_ns
         stamp_ns = now_ns - round(took * MS) - offset_ns

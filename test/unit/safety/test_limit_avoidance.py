@@ -16,7 +16,7 @@ CLOSE = 1e-10  # sums of products up to 1e4
 STILL = 1e-9  # N m: a brake that asks for no more has done
 CONTROLLER = controller_of()
 ROBOT = CONTROLLER.first.robot
-LIMITS = record(CONTROLLER.config, CONFIG).motion
+LIMITS = record(CONTROLLER.config, CONFIG).command
 BUFFER = np.frombuffer(LIMITS.tobytes()).copy()
 MIDDLE = (ROBOT.position_upper + ROBOT.position_lower) / 2
 
@@ -42,9 +42,9 @@ def test_effort_passes_far_from_limits() -> None:
 
 def test_repulsion_reaches_full_effort() -> None:
     rest, zero = np.zeros(N), np.zeros(N)
-    assert LIMITS.margin > 0.0
+    assert LIMITS.position_margin > 0.0
     for side, stop in ((1.0, ROBOT.position_lower), (-1.0, ROBOT.position_upper)):
-        np.testing.assert_allclose(torque(stop + side * LIMITS.margin, rest, HEAVY, zero), 0.0, atol=CLOSE)
+        np.testing.assert_allclose(torque(stop + side * LIMITS.position_margin, rest, HEAVY, zero), 0.0, atol=CLOSE)
         np.testing.assert_allclose(torque(stop, rest, HEAVY, zero), side * ROBOT.effort_limit, atol=CLOSE)
         np.testing.assert_allclose(torque(stop - side, rest, HEAVY, zero), side * ROBOT.effort_limit, atol=CLOSE)
     for sign in (1.0, -1.0):
@@ -65,9 +65,8 @@ def largest_way_back(M: np.ndarray, qd: np.ndarray, late: int = 0) -> float:
 
     late: periods after which an effort is at work.
     """
-    drive = LIMITS.drive
-    T, first, effort, back = 1e-9 * drive.period_ns, qd, np.zeros(N), 0.0
-    step, moved, on_the_way = drive.rate * T, qd @ M @ qd / (qd @ qd), deque([np.zeros(N)] * late)
+    T, first, effort, back = 1e-9 * LIMITS.period_ns, qd, np.zeros(N), 0.0
+    step, moved, on_the_way = LIMITS.effort_rate * T, qd @ M @ qd / (qd @ qd), deque([np.zeros(N)] * late)
     for _ in range(round((1.0 + 12.0 * moved) / T)):
         effort = effort + np.clip(torque(MIDDLE, qd, M, np.zeros(N)) - effort, -step, step)
         on_the_way.append(effort)

@@ -5,10 +5,9 @@ from __future__ import annotations
 import itertools
 from typing import NamedTuple
 
-import numpy as np
 import pytest
 
-from slip_core.records import new, record
+from slip_core.records import dtype_of, new, record
 from slip_vic_controller.safety.conditions import (
     NOTHING,
     Prefix,
@@ -23,14 +22,16 @@ from slip_vic_controller.safety.conditions import (
     read_why,
 )
 from slip_vic_controller.safety.modes import (
-    MODE,
-    MODE_POLICY,
     Mode,
     Request,
     holds_for,
     next_mode,
 )
+from slip_vic_controller.safety.modes import (
+    ModeState as ModeRecord,
+)
 from slip_vic_controller.sizes import NEVER
+from slip_vic_controller.state import CONFIG
 from test.support.call import call
 
 
@@ -61,9 +62,9 @@ class Machine:
     """What runs, with texts for its reasons."""
 
     def __init__(self, policy: Policy) -> None:
-        self.policy, self.buffer = new(MODE_POLICY), new(MODE)
-        self.policy.view(np.int64)[:] = policy
-        self.record, self.now_ns = record(self.buffer, MODE), 0
+        self.config, self.buffer = record(new(CONFIG), CONFIG).conditions, new(dtype_of(ModeRecord))
+        self.config.auto_enable, self.config.resume_after_ns = policy
+        self.record, self.now_ns = record(self.buffer, dtype_of(ModeRecord)), 0
         self.record.enabled, self.record.good_since_ns = policy.auto_enable, NEVER
 
     def put(self, state: ModeState, why: Why) -> None:
@@ -72,7 +73,7 @@ class Machine:
         put_why(self.record.reason, why)
 
     def step(self, found: Why, request: Request, now_ns: int) -> ModeState:
-        call(next_mode, self.policy, self.buffer, found, request, now_ns)
+        call(next_mode, self.config, self.buffer, found, request, now_ns)
         return self.state
 
     @property
@@ -155,7 +156,7 @@ def test_reset_leads_to_hold() -> None:
 
 
 def test_hold_names_its_input() -> None:
-    frozen, state = of_fault(Reason.WRENCH, Reason.FROZEN), record(new(MODE), MODE)
+    frozen, state = of_fault(Reason.WRENCH, Reason.FROZEN), record(new(dtype_of(ModeRecord)), dtype_of(ModeRecord))
     for why, of, fault, holds in (
         (frozen, Reason.WRENCH, Reason.FROZEN, True),
         (frozen._replace(prefix=Prefix.ASKED_AND), Reason.WRENCH, Reason.FROZEN, True),

@@ -48,7 +48,7 @@ class Path:
             result = self.made_up.run(1, **{**STILL, **given})
             self.modes.append(result.mode)
             sigma = float(result.record.path_scale)
-            if result.record.evaluated and result.ok:
+            if result.ok:
                 self.path_s += 0.001 * sigma
                 planned, found = self.planned(self.path_s), result.record.reference
                 rate = float(self.made_up.session.task.path.rate)

@@ -177,6 +177,3 @@ def test_only_changing_values_can_freeze() -> None:
             False, STAMP_NS + passed, np.array([1.0, 0.0 if passed % (2 * PERIOD_NS) else -0.0, 0, 0, 0, 0]), NOW_NS
         )
     assert v.validity(False, NOW_NS, STAMP_NS + passed, True) == Reason.NONE
-
-
-# -- what a session says of it ------------------------------------------------------------------------

@@ -23,9 +23,9 @@ from slip_vic.run.in_process import Tick, run_in_process
 from slip_vic.run.judge import LawError
 from slip_vic.scenarios.scenario import Scenario
 from slip_vic_controller.arm.command import (
-    MOTION_COMMAND,
+    SENT_COMMAND,
     Interface,
-    MotionCommand,
+    SentCommand,
     advance_motion,
     joint_acceleration,
     start_motion,
@@ -37,8 +37,6 @@ from slip_vic_controller.params.node_params import ControllerNodeParams
 from slip_vic_controller.path.joint_path import PadMotion
 from slip_vic_controller.path.paths import reference_at
 from slip_vic_controller.safety.effort_limiter import (
-    LIMITER,
-    EffortLimiter,
     limit_effort,
     needs_restart,
     start_limiter,
@@ -170,8 +168,7 @@ class _Arm:
         self.config: ControllerConfig = record(
             ArmController(params, scenario.placed[name], lockstep=True).config, CONFIG
         )
-        self.limiter: EffortLimiter = record(new(LIMITER), LIMITER)
-        self._motion: MotionCommand = record(new(MOTION_COMMAND), MOTION_COMMAND)
+        self.sent: SentCommand = record(new(SENT_COMMAND), SENT_COMMAND)
         self._law: Evaluation = record(new(EVALUATION), EVALUATION)
         self._samples: Records[ContactSample] = records(new(CONTACT_SAMPLE), CONTACT_SAMPLE)
         self._posture: Array | None = None
@@ -237,7 +234,7 @@ class _Arm:
         """
         interface, stamp_ns, result = self.config.command.interface, tick.outputs.stamp_ns, tick.results[k]
         if answer is None:
-            self.limiter.started = self._motion.started = 0
+            self.sent.started = 0
             return self._command(stamp_ns, np.zeros(0))
         if isinstance(answer, Pad):
             wanted = self.torque(result, numbers("Pad.acceleration", answer.acceleration, 6))
@@ -247,17 +244,17 @@ class _Arm:
         if interface == Interface.EFFORT:
             return JointCommand(stamp_ns, self.limited(wanted, tick, k))
         self._move(wanted, result)
-        moved = self._motion.velocity if interface == Interface.VELOCITY else self._motion.position
+        moved = self.sent.velocity if interface == Interface.VELOCITY else self.sent.position
         return self._command(stamp_ns, np.array(moved[: self.joints]))
 
     def _move(self, tau: Array, result: CycleResult) -> None:
         """Integrate the joint acceleration of an effort (n,) [N m] over a period, inside the limits of the motion."""
-        if self._motion.started == 0:
-            start_motion(self.config.command, self._motion, result.joint.position, result.joint.velocity)
+        if self.sent.started == 0:
+            start_motion(self.config.command, self.sent, result.joint.position, result.joint.velocity)
         arm, qdd, limited = result.arm, np.zeros(self.joints), np.zeros(self.joints, np.int64)
         if not joint_acceleration(self.joints, arm.M, arm.bias, arm.J, self._law.h_ee, tau, qdd):
             raise LawError("no finite acceleration of the joints at this posture")
-        advance_motion(self.config.command, self._motion, qdd, result.joint.velocity, self._period_s, limited)
+        advance_motion(self.config.command, self.sent, qdd, result.joint.velocity, self._period_s, limited)
 
     def torque(self, result: CycleResult, acceleration: Array) -> Array:
         """Return the effort of an acceleration of the pad; (6,) {w} -> (n,) [N m].
@@ -279,10 +276,10 @@ class _Arm:
 
     def limited(self, wanted: Array, tick: Tick, k: int) -> Array:
         """Return what the effort limiter of the control cycle lets out; (n,) [N m]."""
-        limits, n, now_ns = self.config.motion.drive, self.joints, tick.outputs.stamp_ns
-        if needs_restart(limits, self.limiter, now_ns):
+        limits, n, now_ns = self.config.command, self.joints, tick.outputs.stamp_ns
+        if needs_restart(limits, self.sent, now_ns):
             felt, gravity = np.array(tick.outputs.arms[k].joint.effort), np.array(tick.results[k].arm.gravity[:n])
-            start_limiter(limits, self.limiter, n, felt, gravity, now_ns)
+            start_limiter(limits, self.sent, n, felt, gravity, now_ns)
         clipped, limited = np.zeros(n, np.int64), np.zeros(n, np.int64)
-        limit_effort(limits, self.limiter, n, wanted, now_ns, clipped, limited)
-        return np.array(self.limiter.effort[:n])
+        limit_effort(limits, self.sent, n, wanted, now_ns, clipped, limited)
+        return np.array(self.sent.effort[:n])

@@ -9,16 +9,16 @@ from __future__ import annotations
 
 import math
 from enum import IntEnum, unique
-from typing import Annotated, Final
+from typing import Final
 
 import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.cholesky import LARGEST, back_substitute, cholesky, forward_substitute
 from slip_core.compiled import part
-from slip_core.records import Record, Whole, WholeArray, dtype_of
+from slip_core.records import Real, Record, Whole, WholeArray, dtype_of
 from slip_vic_controller.arm.plausibility import LASTS_S, MOVES
-from slip_vic_controller.sizes import MAX_JOINTS
+from slip_vic_controller.sizes import MAX_JOINTS, Joints
 
 LEAD: Final = 0.5
 """Most by which the commanded velocity may be ahead of the joint's, so that an arm that cannot follow is not thrown
@@ -39,38 +39,48 @@ class Interface(IntEnum):
     POSITION = 2
 
 
-class CommandConfig(Record):
-    """Limits of the command."""
+class CommandLimits(Record):
+    """What no command exceeds, and what a loop that runs away is known by."""
 
     interface: Whole  # Interface
     joints: Whole
-    velocity: Annotated[Array, MAX_JOINTS]  # rad/s
-    acceleration: Annotated[Array, MAX_JOINTS]  # rad/s^2
-    lower: Annotated[Array, MAX_JOINTS]  # rad, where a command is at rest
-    upper: Annotated[Array, MAX_JOINTS]  # rad
+    effort: Joints  # N m
+    effort_rate: Real  # N m/s
+    velocity: Joints  # rad/s
+    acceleration: Joints  # rad/s^2
+    lower: Joints  # rad, where a command is at rest; the joints' stops
+    upper: Joints  # rad
+    position_margin: Real  # rad; distance from the stops at which limit avoidance begins
+    speed_linear: Real  # m/s; of the pad
+    speed_angular: Real  # rad/s; of the pad
+    longest_step_ns: Whole  # that counts between two commands
+    restart_after_ns: Whole  # pause after which they start again
+    period_ns: Whole  # of control
 
 
-class MotionCommand(Record):
-    """The command that left last."""
+class SentCommand(Record):
+    """The command that left last, and when; its motion where the drives take velocities or positions."""
 
     started: Whole
-    position: Annotated[Array, MAX_JOINTS]  # rad
-    velocity: Annotated[Array, MAX_JOINTS]  # rad/s
-    acceleration: Annotated[Array, MAX_JOINTS]  # rad/s^2
-    ignored_s: Annotated[Array, MAX_JOINTS]  # s; for how long a joint has not moved so
+    now_ns: Whole
+    effort: Joints  # N m
+    position: Joints  # rad
+    velocity: Joints  # rad/s
+    acceleration: Joints  # rad/s^2
+    ignored_s: Joints  # s; for how long a joint has not moved so
 
 
-COMMAND_CONFIG, MOTION_COMMAND = dtype_of(CommandConfig), dtype_of(MotionCommand)
+COMMAND_LIMITS, SENT_COMMAND = dtype_of(CommandLimits), dtype_of(SentCommand)
 
 
 @part
-def within_range(config: CommandConfig, joint: int, position: float) -> float:
+def within_range(config: CommandLimits, joint: int, position: float) -> float:
     """Return a position [rad], held to the range of a joint: whatever is measured, no command is beyond its end."""
     return float(min(max(position, config.lower[joint]), config.upper[joint]))
 
 
 @part
-def start_motion(config: CommandConfig, state: MotionCommand, q: Array, qd: Array) -> None:
+def start_motion(config: CommandLimits, state: SentCommand, q: Array, qd: Array) -> None:
     """Begin at the joint state; (n,) [rad], [rad/s]. A velocity beyond the limit begins at the limit."""
     for j in range(config.joints):
         most = config.velocity[j]
@@ -116,7 +126,7 @@ def stopping_speed(distance: float, acceleration: float) -> float:
 
 @part
 def advance_motion(
-    config: CommandConfig, state: MotionCommand, qdd: Array, qd: Array, dt: float, limited: WholeArray
+    config: CommandLimits, state: SentCommand, qdd: Array, qd: Array, dt: float, limited: WholeArray
 ) -> bool:
     """Integrate a joint acceleration over a time inside all limits; the result is `state`.
 
@@ -154,7 +164,7 @@ def advance_motion(
 
 
 @part
-def ignored_joint(config: CommandConfig, state: MotionCommand, qd: Array, dt: float) -> int:
+def ignored_joint(config: CommandLimits, state: SentCommand, qd: Array, dt: float) -> int:
     """Return a joint that does not take commands, -1 where all do: its driver is paused, or something blocks it.
 
     Its velocity is off the commanded one by more than half of that, for LASTS_S. Such a command would throw the arm
@@ -171,7 +181,7 @@ def ignored_joint(config: CommandConfig, state: MotionCommand, qd: Array, dt: fl
 
 
 @part
-def return_to(config: CommandConfig, state: MotionCommand, q: Array, dt: float) -> None:
+def return_to(config: CommandLimits, state: SentCommand, q: Array, dt: float) -> None:
     """Let the commanded positions come back to where the joints are (n,) [rad], at half of the speed limit."""
     for j in range(config.joints):
         most = 0.5 * config.velocity[j] * dt
@@ -180,7 +190,7 @@ def return_to(config: CommandConfig, state: MotionCommand, q: Array, dt: float) 
 
 
 @part
-def stop_motion(config: CommandConfig, state: MotionCommand, dt: float, limited: WholeArray) -> None:
+def stop_motion(config: CommandLimits, state: SentCommand, dt: float, limited: WholeArray) -> None:
     """Bring the command to rest inside its limits; dt: since the command before [s]."""
     nowhere, before = np.full(MAX_JOINTS, np.nan), state.velocity.copy()
     state.ignored_s[:] = 0.0

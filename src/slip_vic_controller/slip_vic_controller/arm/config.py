@@ -14,7 +14,7 @@ from slip_core.matrices import product, riccati, solve
 from slip_core.records import new, record
 from slip_vic_controller.arm.estimator import transition
 from slip_vic_controller.arm.joint_estimate import ESTIMATOR_CONFIG, MAX_LATENCY, QUICK, EstimatorConfig, Trust
-from slip_vic_controller.arm.plausibility import BIAS, DIFFERENCE, LATE_S, MEAN_S, SIGNIFICANT
+from slip_vic_controller.arm.plausibility import BIAS, DIFFERENCE, MEAN_S, SIGNIFICANT
 from slip_vic_controller.arm.tare import Mean, Tare, deviation
 from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.sizes import MAX_JOINTS
@@ -175,7 +175,7 @@ def estimator_config(params: ControllerParams, effort_limit: Array) -> Array:
     diffused = (DEVIATIONS * tuning.velocity) ** 2 * config.sensor_period / (4.0 * BIAS)
     shown = DEVIATIONS * math.sqrt(2.0) * tuning.position
     config.difference, config.unmoved = max(DIFFERENCE, diffused) + shown, shown + 2.0 * sensor.quantum_position
-    config.late = LATE_S + sensor.filter_s
+    config.late = MEAN_S + sensor.filter_s
     late_s = sensor.latency_s + params.drive_lag_s + sensor.filter_s
     config.settling = SETTLES_AFTER * max(period, late_s)
     config.bound[:n], config.rate[:n] = model.limit * effort_limit, RATE * effort_limit

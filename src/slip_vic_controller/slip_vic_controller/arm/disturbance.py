@@ -7,8 +7,9 @@ from typing import Final
 
 from slip_core.arrays import Array
 from slip_core.compiled import part
-from slip_vic_controller.arm.joint_estimate import EstimatorConfig, Finding, JointEstimate, Trust, find
+from slip_vic_controller.arm.joint_estimate import EstimatorConfig, JointEstimate, Trust, find
 from slip_vic_controller.arm.plausibility import LASTS_S, MEAN_S, contradiction, is_unmeasured
+from slip_vic_controller.safety.conditions import Reason
 
 SLOW_S: Final = 0.2
 """Time constant of the disturbance that is no collision [s]."""
@@ -85,6 +86,6 @@ def oppose_disturbance(
         torque[j] += state.taken_off[j]
         state.beyond_s[j] = state.beyond_s[j] + dt if abs(effort) > bound else 0.0
         if state.jumped_s[j] > MEAN_S:
-            find(state, Finding.COLLISION.value, j, jump, most)
+            find(state, Reason.COLLISION.value, j, jump, most)
         elif state.beyond_s[j] > LASTS_S:
-            find(state, Finding.DISTURBED.value, j, effort, bound)
+            find(state, Reason.DISTURBED.value, j, effort, bound)

@@ -33,7 +33,6 @@ from slip_vic_controller.arm.joint_estimate import (
     QUICK,
     RING,
     EstimatorConfig,
-    Finding,
     JointEstimate,
     Trust,
 )
@@ -44,6 +43,7 @@ from slip_vic_controller.arm.plausibility import (
     joint_repeats,
 )
 from slip_vic_controller.law.arm import Arm
+from slip_vic_controller.safety.conditions import Reason
 from slip_vic_controller.sizes import MAX_JOINTS
 
 FAST: Final = 20.0
@@ -232,7 +232,7 @@ def use_estimate(config: EstimatorConfig, state: JointEstimate, sample: JointSam
     """Take a joint state in, and put the estimate of now in its place; where it is off, from a finding on."""
     n = config.joints
     estimate_joints(config, state, sample.stamp_ns, sample.position[:n], sample.velocity[:n], True)
-    if config.on != 0 or state.finding != Finding.NONE or state.unmeasured.max() >= config.sensor_ticks:
+    if config.on != 0 or state.found.reason != Reason.NONE or state.unmeasured.max() >= config.sensor_ticks:
         put_estimate(config, state, sample)
 
 
@@ -263,27 +263,20 @@ def replace_sample(config: EstimatorConfig, state: JointEstimate, sample: JointS
 def put_estimate(config: EstimatorConfig, state: JointEstimate, sample: JointSampleLike) -> None:
     """Put the estimate of now in the place of a joint state.
 
-    Of drives with loops of their own it is the state to which the commands that have been sent lead: then the law
-    commands what is free of their lag, and the joint does the same that much later.
-    """
-    n = config.joints
-    if config.bandwidth > 0.0:
-        foresee(config, state, sample)
-    else:
-        sample.position[:n], sample.velocity[:n] = state.position[:n], state.velocity[:n]
-
-
-@part
-def foresee(config: EstimatorConfig, state: JointEstimate, sample: JointSampleLike) -> None:
-    """Write the commanded state q + v / b + what is under way, and its velocity; [rad], [rad/s].
+    Of drives with loops of their own it is the state to which the commands that have been sent lead, q + v / b + what
+    is under way: then the law commands what is free of their lag, and the joint does the same that much later.
 
     Implements: ours: with q' = v, v' = b (u - v) it is (q + v / b)' = u: a predictor after O. J. M. Smith, 1957.
     """
-    for j in range(config.joints):
-        ahead = state.position[j] + state.velocity[j] / config.bandwidth
-        for k in range(1, config.drive_ticks + 1):
-            ahead += config.period * input_of(config, state, -k, j)
-        sample.position[j], sample.velocity[j] = ahead, state.inputs[state.newest, j]
+    n = config.joints
+    if config.bandwidth > 0.0:
+        for j in range(n):
+            ahead = state.position[j] + state.velocity[j] / config.bandwidth
+            for k in range(1, config.drive_ticks + 1):
+                ahead += config.period * input_of(config, state, -k, j)
+            sample.position[j], sample.velocity[j] = ahead, state.inputs[state.newest, j]
+    else:
+        sample.position[:n], sample.velocity[:n] = state.position[:n], state.velocity[:n]
 
 
 @part

@@ -8,6 +8,7 @@ from typing import Annotated, Final
 from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Whole, dtype_of
+from slip_vic_controller.safety.conditions import NOTHING, Reason, Why, WhyRecord, put_why
 from slip_vic_controller.sizes import MAX_JOINTS, Joints, WholeJoints
 
 MAX_LATENCY: Final = 32
@@ -32,19 +33,6 @@ BothWays = Annotated[Array, (2, MAX_JOINTS)]
 QUICK: Final = len(Trust)
 """Row of the gains for both measurements while innovations show that the disturbance changes fast, after those by
 Trust."""
-
-
-@unique
-class Finding(IntEnum):
-    """What is wrong with a joint; of its sensors as much as `Trust` leaves, by the same number."""
-
-    NONE = 0
-    VELOCITY = 1  # it contradicts the position
-    POSITION = 2  # it is stuck, or drifts
-    STUCK = 3  # neither position nor velocity changes, though that says that the joint moves
-    COLLISION = 4  # the disturbance has jumped
-    DISTURBED = 5  # the disturbance stays above its bound
-    IGNORED = 6  # a joint does not move as commanded
 
 
 class EstimatorConfig(Record):
@@ -114,18 +102,7 @@ class JointEstimate(Record):
     taken_off: Joints  # N m; added to the effort against it
     jumped_s: Joints  # s; for how long the disturbance has been off its low-pass
     beyond_s: Joints  # s; for how long it has been beyond its bound
-    finding: Whole  # Finding, the first one; kept until `clear_findings`
-    joint: Whole  # its joint
-    value: Real  # rad, N m or rad/s
-    limit: Real  # rad, N m or rad/s
-
-
-class PublishedJoints(Record):
-    """What is published of the estimate; zeros without one."""
-
-    position: Joints  # rad
-    velocity: Joints  # rad/s
-    disturbance: Joints  # N m
+    found: WhyRecord  # what is wrong with a joint, the first thing; kept until `clear_findings`
 
 
 ESTIMATOR_CONFIG, JOINT_ESTIMATE = dtype_of(EstimatorConfig), dtype_of(JointEstimate)
@@ -136,7 +113,7 @@ def clear_findings(state: JointEstimate) -> None:
     """Forget what was wrong: both measurements of every joint are used again, from the next sample on."""
     if state.trust.any():
         state.started = 0
-    state.finding, state.joint, state.value, state.limit = 0, 0, 0.0, 0.0
+    put_why(state.found, NOTHING)
     state.trust[:] = 0
     state.parity[:] = 0.0
     state.jumped_s[:] = 0.0
@@ -144,13 +121,7 @@ def clear_findings(state: JointEstimate) -> None:
 
 
 @part
-def find(state: JointEstimate, finding: int, j: int, value: float, limit: float) -> None:
+def find(state: JointEstimate, reason: int, j: int, value: float, limit: float) -> None:
     """Note what is wrong with joint j; the first finding stays."""
-    if state.finding == Finding.NONE:
-        state.finding, state.joint, state.value, state.limit = finding, j, value, limit
-
-
-@part
-def publish_joints(state: JointEstimate, out: PublishedJoints) -> None:
-    """Write what is published."""
-    out.position[:], out.velocity[:], out.disturbance[:] = state.position, state.velocity, state.effort
+    if state.found.reason == Reason.NONE:
+        put_why(state.found, Why(0 + reason, 0, 0, j, value, limit))

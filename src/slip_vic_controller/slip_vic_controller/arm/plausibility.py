@@ -13,13 +13,12 @@ from typing import Final
 from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_vic_controller.arm.joint_estimate import LONGEST_STEP, EstimatorConfig, JointEstimate, Trust, find
+from slip_vic_controller.safety.conditions import Reason
 
 BLIND_S: Final = 0.5
 """Time for which the model tells where a joint is that is not measured [s]: enough to come to rest, not to hold it."""
 DIFFERENCE, BIAS = 5e-3, 0.01
 """Sum of the parity that contradicts [rad], beyond a difference of the velocities that may last [rad/s]."""
-LATE_S: Final = 0.01
-"""Time by which a velocity may be behind its position, as behind a low-pass of 16 Hz [s]."""
 OUTRUN: Final = 3.0
 """Way that positions show over that of the velocities from which it is the position that drifts. Else the velocity is
 wrong: damping by it would throw the joint, while a position that drifts moves it no faster than that."""
@@ -27,8 +26,8 @@ REVERSALS: Final = 20
 """Reversals of the velocity from one sample to the next, without repetitions, which show that an encoder has noise:
 motion alone does not make them. As many repetitions in a row it has not then: it has died."""
 MEAN_S, SIGNIFICANT = 0.01, 4.5
-"""Time over which innovations are averaged, and a jump of the disturbance must last [s]; and standard deviations of a
-mean that are no noise."""
+"""Time over which innovations are averaged, a jump of the disturbance must last, and a velocity may be behind its
+position, as behind a low-pass of 16 Hz [s]; and standard deviations of a mean that are no noise."""
 LASTS_S: Final = 0.3
 """Time for which a joint may be disturbed beyond its bound, or not move as commanded [s]."""
 MOVES: Final = 0.02
@@ -67,12 +66,6 @@ def count_unmeasured(
 def is_unmeasured(config: EstimatorConfig, state: JointEstimate, j: int) -> bool:
     """Return whether joint j reads the same for longer than its sensor repeats itself, which nothing measured does."""
     return bool(state.unmeasured[j] >= config.sensor_ticks)
-
-
-@part
-def is_blind(config: EstimatorConfig, state: JointEstimate) -> bool:
-    """Return whether a joint has not been measured for so long that the model cannot tell where it is."""
-    return unseen_ns(config, state) > 1e9 * BLIND_S
 
 
 @part
@@ -165,4 +158,5 @@ def _reject(config: EstimatorConfig, state: JointEstimate, j: int, trust: int) -
     """Let joint j continue with what is left of its measurements, and note what is wrong with the others."""
     if state.trust[j] == Trust.BOTH:
         state.trust[j] = trust
-        find(state, trust, j, contradiction(config, state, j), config.difference)
+        reason = Reason.VELOCITY.value + trust - Trust.POSITION.value  # in the same order
+        find(state, reason, j, contradiction(config, state, j), config.difference)

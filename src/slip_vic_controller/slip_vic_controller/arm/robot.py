@@ -67,17 +67,13 @@ class Robot:
 
         Implements: Eq. (1), (7), (8).
         """
-        self.evaluate(q, qd)
-        gather(qd, self._placement, *self._views, arm)
-
-    def evaluate(self, q: Array, qd: Array) -> None:
-        """Let Pinocchio compute what `terms` gathers, and nothing else; (n,) [rad], (n,) [rad/s]."""
         model, data = self._model, self._data
         pin.computeGeneralizedGravity(model, data, q)
         pin.nonLinearEffects(model, data, q, qd)
         pin.forwardKinematics(model, data, q, qd, self._rest)
         pin.computeJointJacobians(model, data)
         pin.crba(model, data, q)
+        gather(qd, self._placement, *self._views, arm)
 
     def frame(self, q: Array) -> tuple[Array, Array, Array]:
         """Return position (3,) [m], rotation (3, 3) and Jacobian (6, n) of {ee} at joint positions (n,); {w}."""

@@ -14,13 +14,13 @@ no rest.
 from __future__ import annotations
 
 import math
-from enum import IntEnum, unique
 from typing import Final
 
 from slip_core.arrays import Array
 from slip_core.compiled import part
-from slip_core.records import Real, Record, Whole, dtype_of
+from slip_core.records import Real, Record, Whole
 from slip_vic_controller.arm.plausibility import BIAS, MOVES, SIGNIFICANT
+from slip_vic_controller.safety.conditions import NOTHING, Reason, Why, WhyRecord, put_why
 from slip_vic_controller.sizes import NEVER, Joints
 
 LEAST_SAMPLES: Final = 5
@@ -28,20 +28,10 @@ LEAST_SAMPLES: Final = 5
 MOVED: Final = 0.02
 """Motion of a joint during a tare that ends it: by what the model of the arm, its drives or its load lacks [rad]."""
 OUTLIER: Final = 3.0
-"""Distance of a slip velocity from the mean, over its bound, from which it is an outlier."""
+"""Distance of a slip velocity from where it may be, over its bound or its standard deviation, from which it is an
+outlier."""
 ROUGH: Final = 50
 """Differences of joint velocities whose spread is taken for noise, before the arm is at rest."""
-
-
-@unique
-class Sensor(IntEnum):
-    """Which sensor a tare is about."""
-
-    NONE = 0
-    SLIP = 1
-    WRENCH = 2
-    JOINTS = 3
-    MASS = 4
 
 
 class TareConfig(Record):
@@ -82,19 +72,14 @@ class Tare(Record):
     last_velocity: Joints  # rad/s
     rough: Whole  # whether `change` shows what noise the joint velocities have
     mass_share: Real  # of the object beyond the configured mass
-    sensor: Whole  # Sensor that is out of bounds
-    worst: Real  # m/s, rad/s, N or N m, its bias; kg where it is the mass
-    bound: Real  # kg: the configured mass
-
-
-TARE_CONFIG, TARE = dtype_of(TareConfig), dtype_of(Tare)
+    found: WhyRecord  # which sensor is out of bounds, or the mass
 
 
 @part
 def start_tare(state: Tare, begun_ns: int) -> None:
     """Forget what was measured; begun_ns: stamp of a joint state at rest, NEVER where there is none yet [ns]."""
     state.begun_ns, state.done, state.wrench_ns, state.mass_share = begun_ns, 0, begun_ns, 0.0
-    state.sensor, state.worst, state.bound = 0, 0.0, 0.0
+    put_why(state.found, NOTHING)
     for mean in (state.slip, state.wrench, state.velocity):
         mean.count, mean.average[:], mean.squares[:], mean.bias[:] = 0, 0.0, 0.0, 0.0
 
@@ -102,7 +87,7 @@ def start_tare(state: Tare, begun_ns: int) -> None:
 @part
 def is_unchecked(config: TareConfig, state: Tare) -> bool:
     """Return whether the sensors wait for a tare, or the last one did not pass."""
-    return bool(config.duration_ns > 0 and (state.done == 0 or state.sensor != Sensor.NONE))
+    return bool(config.duration_ns > 0 and (state.done == 0 or state.found.reason != Reason.NONE))
 
 
 @part
@@ -176,24 +161,24 @@ def exceeds(mean: Mean, k: int, bound: float) -> bool:
 
 
 @part
-def accuse(state: Tare, sensor: int, mean: Mean, first: int, last: int, bound: float) -> bool:
+def accuse(state: Tare, which: int, mean: Mean, first: int, last: int, bound: float) -> bool:
     """Name a sensor of whose mean one of the numbers first:last exceeds its bound; return whether one does."""
     for k in range(first, last):
         if exceeds(mean, k, bound):
-            state.sensor, state.worst, state.bound = sensor, abs(mean.average[k]), bound
+            put_why(state.found, Why(Reason.BIASED.value, 0, 0, which, abs(mean.average[k]), bound))
             return True
     return False
 
 
 @part
 def judge_tare(config: TareConfig, state: Tare) -> bool:
-    """Name the first sensor whose mean is out of bounds; return whether there is one."""
+    """Name the first sensor whose mean is out of bounds, in the order of the words; return whether there is one."""
     return bool(
-        accuse(state, Sensor.SLIP.value, state.slip, 0, 3, config.slip_linear)
-        or accuse(state, Sensor.SLIP.value, state.slip, 3, 6, config.slip_angular)
-        or accuse(state, Sensor.WRENCH.value, state.wrench, 0, 3, config.force)
-        or accuse(state, Sensor.WRENCH.value, state.wrench, 3, 6, config.torque)
-        or accuse(state, Sensor.JOINTS.value, state.velocity, 0, config.joints, MOVES)
+        accuse(state, 0, state.slip, 0, 3, config.slip_linear)
+        or accuse(state, 1, state.slip, 3, 6, config.slip_angular)
+        or accuse(state, 2, state.wrench, 0, 3, config.force)
+        or accuse(state, 3, state.wrench, 3, 6, config.torque)
+        or accuse(state, 4, state.velocity, 0, config.joints, MOVES)
     )
 
 
@@ -235,7 +220,8 @@ def take_biases(config: TareConfig, state: Tare, weight: Array, now_ns: int, q: 
     if judge_tare(config, state):
         return
     if abs(share) > config.mass_share:
-        state.sensor, state.worst, state.bound = Sensor.MASS.value, (1.0 + share) * config.mass, config.mass
+        reason = Reason.INVERTED_WRENCH.value if share < -1.0 else Reason.WRONG_MASS.value
+        put_why(state.found, Why(reason, 0, 0, 0, (1.0 + share) * config.mass, config.mass))
         return
     state.mass_share = share
     for mean in (state.slip, state.wrench, state.velocity):

@@ -64,7 +64,7 @@ def agree(
             if at_work(states[k], outputs[k]):
                 states[k].mode = outputs[k].before
                 mode.enabled, why = 1, of_fault(Reason.INPUTS.value, Reason.OTHER_ARM.value)
-                next_mode(configs[k].modes, mode, why, Request.NONE.value, inputs[k].now_ns)
+                next_mode(configs[k].conditions, mode, why, Request.NONE.value, inputs[k].now_ns)
                 if outputs[k].health.outside == Reason.NONE:
                     outputs[k].health.outside = Reason.OTHER_ARM.value
             if inputs[k].present != 0:
@@ -94,7 +94,7 @@ def advance_path(config: ControllerConfig, task: TaskState, state: ArmState, pat
     screen(config, task, True)
     governed = config.governor.mode != Governing.OFF
     if not governed and (path_speed < 1.0 or task.path.scale != 1.0 or task.path.rate != 0.0):
-        advance(task.path, path_speed, dt_ns * 1e-9, config.cycle.slow_down_s)
+        advance(task.path, path_speed, dt_ns * 1e-9, config.slow_down_s)
     if governed:
         task.path.scale, task.path.rate = 1.0, 0.0  # the governor brings the path to rest, as friction admits
     task.start_ns += lost_ns(task.path, dt_ns)

@@ -83,7 +83,7 @@ def estimate_contact(
     pad.measured = size(measured)
     remember(friction, stamp_ns, pad.measured / pad.grip, pad.commanded / pad.grip)
     certify(limits.friction, contact, friction, stamp_ns)
-    found = bool(config.cycle.has_observer != 0 and state.observer.sliding != 0)
+    found = bool(config.has_observer != 0 and state.observer.sliding != 0)
     for k in range(state.queue.count):
         sample, before_ns = state.queue.samples[k], friction.last_ns
         slip = scaled_slip(limits, sample.twist)

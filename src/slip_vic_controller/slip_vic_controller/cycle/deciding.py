@@ -8,15 +8,15 @@ from slip_core.vectors import IDENTITY, ZERO, mat, put, put_mat, vec
 from slip_core.vectors import NOTHING as NO_MOTION
 from slip_vic_controller.arm.joint_estimate import clear_findings
 from slip_vic_controller.arm.tare import is_unchecked
-from slip_vic_controller.contact.observer import reset
 from slip_vic_controller.cycle.contact import begin_pad
-from slip_vic_controller.cycle.holding import forget_pad, hold_unseen, wait
+from slip_vic_controller.cycle.holding import forget_pad, wait
 from slip_vic_controller.cycle.judging import judge
 from slip_vic_controller.cycle.sensing import gains_now
 from slip_vic_controller.cycle.taring import AtRest, tare
-from slip_vic_controller.cycle.wrench import model_wrench, overloaded_joint
+from slip_vic_controller.cycle.wrench import arm_of_load, model_wrench
 from slip_vic_controller.governor.governor import start_governor
 from slip_vic_controller.governor.plan import Governing
+from slip_vic_controller.law.contact import pad_rotation
 from slip_vic_controller.path.goals import rest_at
 from slip_vic_controller.path.paths import Reference
 from slip_vic_controller.path.stream import rest_stream
@@ -30,9 +30,10 @@ from slip_vic_controller.safety.conditions import (
     passed_ns,
     read_why,
 )
+from slip_vic_controller.safety.hold import carry_load
 from slip_vic_controller.safety.latency import forget_latency, measure_latency
 from slip_vic_controller.safety.modes import Mode, Request, follows, holds_for, next_mode
-from slip_vic_controller.safety.validation import fine, forget_repeats, frozen, usable, vector_validity
+from slip_vic_controller.safety.validation import usable, vector_validity
 from slip_vic_controller.sizes import MAX_CONTACTS, NEVER
 from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs, CycleOutputs, TaskState
 
@@ -62,7 +63,7 @@ def decide(
     if fault == Reason.RESTARTED and state.law.known != 0:
         wait(config, state, inputs, of_fault(Reason.JOINTS_RESTARTED.value, fault))  # everything starts again
         return
-    if config.cycle.models_wrench != 0:
+    if config.models_wrench != 0:
         _count_wrench_as_good(config, state, inputs)
     missing = inputs.missing | _never_seen(config, state)
     if state.law.known == 0 and not usable(fault):
@@ -71,9 +72,9 @@ def decide(
         wait(config, state, inputs, because(Reason.WAITS.value, missing))
         return
     _classify_inputs(config, state, inputs, outputs, fault, alone)
-    good, restarts = fine(outputs.health.wrench), state.law.known == 0
+    good, restarts = outputs.health.wrench == Reason.NONE, state.law.known == 0
     state.wrench_modelled = 0
-    if config.cycle.models_wrench != 0 or not (good or restarts):
+    if config.models_wrench != 0 or not (good or restarts):
         model_wrench(config, task, state, inputs)
     if restarts:
         begin_law(config, task, state, inputs, outputs, lead)
@@ -86,15 +87,16 @@ def decide(
     _obey(config, state, inputs)
     bad = not (usable(fault) or fault == Reason.NOT_RUN)
     if bad and inputs.arm.M[0, 0] == 0.0:
-        hold_unseen(config, task, state, inputs, outputs)
+        silent = of_fault(Reason.JOINT_STATE.value, outputs.health.joint)
+        next_mode(config.conditions, state.mode, silent, inputs.request, inputs.now_ns)
+        outputs.decided = 1
         return
     stamp_ns, now_ns, resets = state.joint.answers.stamp_ns, inputs.now_ns, inputs.request == Request.RESET_FAULT
     measure_latency(state.latency, now_ns, stamp_ns, now_ns - state.now_ns)
     request = _rest_before_hold(config, state, inputs.request, now_ns)
     reweighed = config.tare.duration_ns > 0 and not bad and tare(config, state, inputs, together)
-    freezes = frozen(config.joint, state.joint, now_ns)
-    why = judge(config, task, state, outputs.health, freezes, now_ns)
-    next_mode(config.modes, state.mode, why, request, now_ns)
+    why = judge(config, task, state, outputs.health, now_ns)
+    next_mode(config.conditions, state.mode, why, request, now_ns)
     outputs.decided = 1
     if (resets or reweighed) and not follows(state.mode.mode):
         forget_pad(config, task, state, inputs, outputs, lead)
@@ -160,7 +162,7 @@ def begin_law(
     law, sample, n, arm = state.law, state.joint.answers, config.law.joints, inputs.arm
     law.known, law.stamp_ns = 1, sample.stamp_ns
     law.start_position[:], law.start_rotation[:] = arm.position, arm.rotation
-    law.posture[:n] = config.cycle.posture[:n] if config.cycle.posture_given != 0 else sample.position[:n]
+    law.posture[:n] = config.posture[:n] if config.posture_given != 0 else sample.position[:n]
     law.position[:n], law.gravity[:n], law.e_previous[:] = sample.position[:n], arm.gravity[:n], 0.0
     for k in range(MAX_CONTACTS):
         put(law.slips[k].position, ZERO)
@@ -168,15 +170,13 @@ def begin_law(
     law.given_up.left_s, law.given_up.fast_s = 0.0, 0.0
     law.ramp = state.tuned
     law.ramp.begin_ns = sample.stamp_ns
-    if config.cycle.has_observer != 0:
-        reset(config.observer, state.observer, sample.stamp_ns, arm.twist)
     gains_now(state, sample.stamp_ns, outputs)
     begin_pad(config, state, arm, outputs.gains)
     if lead:
         task.start_ns = sample.stamp_ns
-        if config.cycle.follows_stream != 0:
+        if config.follows_stream != 0:
             rest_stream(task.stream, vec(arm.position), mat(arm.rotation))
-        if config.cycle.follows_goals != 0:
+        if config.follows_goals != 0:
             rest_at(task.goal, Reference(vec(arm.position), mat(arm.rotation), NO_MOTION, NO_MOTION))
         if config.governor.mode != Governing.OFF:
             start_governor(config.governor, task.governor, state.pad)
@@ -188,9 +188,12 @@ def _too_heavy(config: ControllerConfig, state: ArmState, inputs: CycleInputs) -
 
     No drive can either, so the arm sinks until its lever is short enough: to begin there is for a user to say.
     """
-    joint, torque = overloaded_joint(config, state, inputs)
-    if joint >= 0:
-        return Why(Reason.TOO_HEAVY.value, 0, 0, joint, torque, config.law.effort_limit[joint])
+    torque = inputs.arm.gravity.copy()
+    r = arm_of_load(config, state, pad_rotation(config.law.contact[0], state.law.slips[0]))
+    carry_load(config.hold, state.hold, inputs.arm, r, torque)
+    for j in range(config.law.joints):
+        if abs(torque[j]) > config.law.effort_limit[j]:
+            return Why(Reason.TOO_HEAVY.value, 0, 0, j, torque[j], config.law.effort_limit[j])
     asked = inputs.request == Request.ENABLE or inputs.request == Request.RESET_FAULT
     refused = state.mode.mode == Mode.WAITING_INPUT and state.mode.reason.reason == Reason.TOO_HEAVY
     return read_why(state.mode.reason) if refused and not asked else NOTHING
@@ -201,7 +204,8 @@ def _obey(config: ControllerConfig, state: ArmState, inputs: CycleInputs) -> Non
     """Begin again with what a user who enables the law or ends a fault has seen to: clocks, sensors that repeat."""
     if inputs.request == Request.ENABLE or inputs.request == Request.RESET_FAULT:
         forget_latency(state.latency)
-        forget_repeats(state.wrench_inputs)
+        for k in range(config.law.contacts):
+            state.wrench_inputs[k].equal_since_ns = state.wrench_inputs[k].stamp_ns
         if state.estimate.unmeasured[0] == 0:  # else no user can be right: the joint states contradict themselves
             state.joint.equal_since_ns = inputs.now_ns
     if inputs.request == Request.RESET_FAULT:

@@ -48,14 +48,14 @@ def rest_on_path(config: ControllerConfig, task: TaskState, arm: Arm, held_still
     enabled again whatever the goal was.
     """
     here = Reference(vec(arm.position), mat(arm.rotation), NOTHING, NOTHING)
-    if config.cycle.follows_stream != 0:
+    if config.follows_stream != 0:
         rest_stream(task.stream, here.position, here.rotation)
     task.governor.rate = 0.0
     governor.steady(config.governor, task.governor)
     if held_still:
         if task.reference_known != 0:
             put_reference(task.reference, here)
-        if task.forgets != 0 and config.cycle.follows_goals != 0:
+        if task.forgets != 0 and config.follows_goals != 0:
             rest_at(task.goal, here)
             governor.start_path(config.governor, task.governor)
         task.forgets = 0
@@ -64,9 +64,9 @@ def rest_on_path(config: ControllerConfig, task: TaskState, arm: Arm, held_still
 @part
 def path_at(config: ControllerConfig, task: TaskState, state: ArmState, time: float) -> Reference:
     """Return the trajectory as planned at its own time [s]: the built-in one, the stream, or the way to the goal."""
-    if config.cycle.follows_stream != 0:
+    if config.follows_stream != 0:
         return at(task.stream, time)
-    if config.cycle.follows_goals != 0:
+    if config.follows_goals != 0:
         return goal_at(task.goal, time)
     return reference_at(config.path, time, state.law.start_position, state.law.start_rotation)
 
@@ -112,7 +112,7 @@ def goal_progress(task: TaskState) -> float:
 @part
 def screen(config: ControllerConfig, task: TaskState, at_work: bool) -> None:
     """Refuse the goal that waits where it cannot be begun."""
-    if config.cycle.follows_goals != 0:
+    if config.follows_goals != 0:
         screen_goal(config.governor, task.goal, goal_at(task.goal, task.governor.out_time), at_work)
 
 
@@ -153,11 +153,11 @@ def step_on_path(
     path_speed: how fast the path may be followed for other reasons; 1 = not limited, 0 = come to rest.
     """
     dt = (state.joint.answers.stamp_ns - state.law.stamp_ns) * 1e-9
-    dt = dt if dt > 0.0 else 1e-9 * config.cycle.period_ns
+    dt = dt if dt > 0.0 else 1e-9 * config.period_ns
     grasped = held(config, state, outputs.gains)
-    if config.cycle.follows_stream != 0:
+    if config.follows_stream != 0:
         follow_stream(config, task, state, arm, grasped, path_speed, dt)
-    elif config.cycle.follows_goals != 0 and not take_governed_goal(config, task):
+    elif config.follows_goals != 0 and not take_governed_goal(config, task):
         governor.allow(config.governor, task.governor)  # rests where it is
     else:
         follow_path(config, task, state, arm, grasped, path_speed, dt)
@@ -192,19 +192,19 @@ def follow_path(
 ) -> None:
     """Plan the built-in path or that of a goal, and take the step on it; state: of the first arm."""
     path = task.governor
-    if config.cycle.follows_goals != 0 and task.goal.pending != 0:
+    if config.follows_goals != 0 and task.goal.pending != 0:
         path_speed = 0.0
     if path.planned == 0:
         for i in range(GRID_POINTS):
             there = path_at(config, task, state, sample_time(config.governor.mode, i, path.duration))
             governor.sample_point(config.governor, path, task.grid, i, grasped, there)
-    if (state.joint.answers.stamp_ns - task.start_ns) * 1e-9 < config.cycle.start_s:  # the trajectory rests first
+    if (state.joint.answers.stamp_ns - task.start_ns) * 1e-9 < config.start_s:  # the trajectory rests first
         governor.plan(config.governor, path, task.grid)
         return
     planned = path_at(config, task, state, path.time)
     point, seen = along(config.governor, path.duration, path.time, planned), seen_from(planned, arm, state.pad)
     governor.run(config.governor, path, task.grid, grasped, point, seen, rate_limit(config, path, path_speed), dt)
-    if config.cycle.follows_goals != 0:
+    if config.follows_goals != 0:
         judge_governed_goal(config, task)
 
 
@@ -253,8 +253,8 @@ def put_governed(config: ControllerConfig, task: TaskState, state: ArmState, out
     out.limit, out.load_ratio, out.friction_share, out.margin = float(path.limit), 0.0, 0.0, 0.0
     if F > 0.0:
         out.load_ratio, out.friction_share, out.margin = pad.commanded / F, pad.measured / F, path.usable / F
-    out.stream_waits = waiting(task.stream, path.out_time) if config.cycle.follows_stream != 0 else 0.0
+    out.stream_waits = waiting(task.stream, path.out_time) if config.follows_stream != 0 else 0.0
     out.goal, out.goal_phase = float(task.goal.number), float(task.goal.phase)
-    out.goal_progress = goal_progress(task) if config.cycle.follows_goals != 0 else 0.0
+    out.goal_progress = goal_progress(task) if config.follows_goals != 0 else 0.0
     out.slipping = float(pad.contact.slipping)
     out.grip_command, out.grip_force = state.grip.command, state.grip.actual

@@ -8,7 +8,7 @@ from slip_core.cholesky import all_finite
 from slip_core.compiled import part
 from slip_core.vectors import mat
 from slip_vic_controller.arm.estimator import stay_blind
-from slip_vic_controller.arm.plausibility import BLIND_S, is_blind
+from slip_vic_controller.arm.plausibility import BLIND_S, unseen_ns
 from slip_vic_controller.contact.observer import reset
 from slip_vic_controller.cycle.contact import begin_pad
 from slip_vic_controller.cycle.governing import rest_on_path
@@ -18,13 +18,12 @@ from slip_vic_controller.cycle.wrench import arm_of_load, own_wrench
 from slip_vic_controller.governor.governor import discard_plan
 from slip_vic_controller.governor.plan import Governing
 from slip_vic_controller.law.contact import pad_rotation
-from slip_vic_controller.safety.conditions import Reason, Why, because, of_fault
+from slip_vic_controller.safety.conditions import Reason, Why, because
 from slip_vic_controller.safety.drop_detection import forget
-from slip_vic_controller.safety.effort_limiter import go_on
-from slip_vic_controller.safety.hold import begin_posture, carry_load, hold_effort, keep_posture, update_load_error
+from slip_vic_controller.safety.hold import carry_load, hold_effort, keep_posture, update_load_error
 from slip_vic_controller.safety.latency import forget_latency
 from slip_vic_controller.safety.modes import Mode, Request, holds_for, next_mode
-from slip_vic_controller.safety.validation import fine, frozen
+from slip_vic_controller.safety.validation import frozen
 from slip_vic_controller.sizes import MAX_JOINTS, NEVER
 from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs, CycleOutputs, TaskState
 
@@ -39,7 +38,7 @@ def give_nothing(config: ControllerConfig, state: ArmState, inputs: CycleInputs)
 @part
 def wait(config: ControllerConfig, state: ArmState, inputs: CycleInputs, why: Why) -> None:
     """Wait for what is missing, without a command; everything begins again after it."""
-    next_mode(config.modes, state.mode, why, inputs.request, inputs.now_ns)
+    next_mode(config.conditions, state.mode, why, inputs.request, inputs.now_ns)
     give_nothing(config, state, inputs)
     state.law.known, state.estimate.started, state.tare.watched = 0, 0, 0
     state.hold.load_error[:] = 0.0
@@ -47,61 +46,39 @@ def wait(config: ControllerConfig, state: ArmState, inputs: CycleInputs, why: Wh
 
 
 @part
-def hold_unseen(
-    config: ControllerConfig, task: TaskState, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs
-) -> None:
-    """Hold where neither a joint state nor the model tells where the arm is: efforts go to gravity compensation there.
-
-    They continue from the last command, however old: nothing else tells what the joints feel.
-    """
-    silent = of_fault(Reason.JOINT_STATE.value, outputs.health.joint)
-    next_mode(config.modes, state.mode, silent, inputs.request, inputs.now_ns)
-    task.path.scale, task.path.rate = 0.0, 0.0
-    if state.limiter.started == 0 or is_blind(config.estimator, state.estimate):
-        give_nothing(config, state, inputs)
-        return
-    state.hold.known, rest = 0, np.zeros(MAX_JOINTS)
-    outputs.wanted[: config.law.joints] = state.law.gravity[: config.law.joints]
-    go_on(config.motion.drive, state.limiter, inputs.now_ns)
-    finish(config, state, inputs, outputs, state.law.position, rest, False)
-
-
-@part
 def hold(
     config: ControllerConfig, task: TaskState, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, lead: bool
 ) -> None:
-    """Hold, or give no command where joints have read the same for so long that HOLD would lose the arm."""
-    blind = holds_for(state.mode, Reason.JOINT_STATE.value, Reason.FROZEN.value)
-    blind = blind and 1e-9 * (inputs.now_ns - state.joint.equal_since_ns) > BLIND_S
-    if blind or is_blind(config.estimator, state.estimate):
+    """Keep the posture in which HOLD began; what the wrench has shown of the load stays until the law begins.
+
+    Where neither a joint state nor the model tells where the arm is, efforts go to gravity compensation there: from the
+    last command, however old, since nothing else tells what the joints feel. Where that lasts, or joints have read the
+    same for so long that HOLD would lose the arm, there is no command.
+    """
+    law, sample, n = state.law, state.joint.answers, config.law.joints
+    task.path.scale, task.path.rate = 0.0, 0.0
+    seen = inputs.arm.M[0, 0] > 0.0
+    blind = unseen_ns(config.estimator, state.estimate) > 1e9 * BLIND_S or (not seen and state.sent.started == 0)
+    if holds_for(state.mode, Reason.JOINT_STATE.value, Reason.FROZEN.value):
+        blind = blind or (seen and 1e-9 * (inputs.now_ns - state.joint.equal_since_ns) > BLIND_S)
+    if blind:
         give_nothing(config, state, inputs)
-    else:
-        good = fine(outputs.health.wrench) and not frozen(config.joint, state.joint, inputs.now_ns)
-        keep(config, task, state, inputs, outputs, good, lead)
-
-
-@part
-def keep(
-    config: ControllerConfig,
-    task: TaskState,
-    state: ArmState,
-    inputs: CycleInputs,
-    outputs: CycleOutputs,
-    wrench_good: bool,
-    lead: bool,
-) -> None:
-    """Keep the posture in which HOLD began; what the wrench has shown of the load stays until the law begins."""
-    law, sample = state.law, state.joint.answers
+        return
+    if not seen:
+        state.hold.known, rest = 0, np.zeros(MAX_JOINTS)
+        outputs.wanted[:n] = law.gravity[:n]
+        state.sent.now_ns = max(state.sent.now_ns, inputs.now_ns - config.command.longest_step_ns)
+        finish(config, state, inputs, outputs, law.position, rest, False)
+        return
     # After a pause something else has held the arm.
     if state.hold.known == 0 or inputs.now_ns - state.now_ns > config.conditions.gap_ns:
-        begin_posture(config.hold, state.hold, sample)
+        state.hold.known, state.hold.posture[:n] = 1, sample.position[:n]
     dt_ns = max(sample.stamp_ns - law.stamp_ns, 0)
-    friction, limit = config.estimator.friction, config.motion.velocity
-    keep_posture(config.hold, state.hold, sample, limit, inputs.arm.M, friction)
+    keep_posture(config.hold, state.hold, sample, config.command.velocity, inputs.arm.M, config.estimator.friction)
     pad = pad_rotation(config.law.contact[0], law.slips[0])
     r = arm_of_load(config, state, pad)
-    if wrench_good:
-        measured = own_wrench(config, state, mat(inputs.arm.rotation))
+    measured, good = own_wrench(config, state, mat(inputs.arm.rotation)), outputs.health.wrench == Reason.NONE
+    if good and measured.dot(measured) < np.inf and not frozen(config.joint, state.joint, inputs.now_ns):
         update_load_error(config.hold, state.hold, inputs.arm, r, measured, dt_ns * 1e-9)
     late_s = state.latency.most_ns * 1e-9
     hold_effort(config.hold, state.hold, inputs.arm, sample, pad, r, late_s, outputs.wanted)
@@ -110,9 +87,8 @@ def keep(
     if lead:
         task.start_ns += dt_ns
     keep_joints(config, state, inputs)
-    task.path.scale, task.path.rate = 0.0, 0.0
     forget(state.observed)
-    state.conditions[Reason.SATURATED].since_ns, state.conditions[Reason.NOT_FOLLOWING].since_ns = NEVER, NEVER
+    state.conditions[Reason.SATURATED].since_ns = NEVER
     finish(config, state, inputs, outputs, sample.position, sample.velocity, False)
 
 
@@ -126,12 +102,12 @@ def fail(
     cause: int,
     lead: bool,
 ) -> None:
-    """Hold because the law could not be evaluated; cause: why. The wrench may be why, so that it shows no load."""
-    next_mode(config.modes, state.mode, because(cause, 0), Request.NONE.value, inputs.now_ns)
+    """Hold because the law could not be evaluated; cause: why."""
+    next_mode(config.conditions, state.mode, because(cause, 0), Request.NONE.value, inputs.now_ns)
     if cause == Reason.BAD_REFERENCE or cause == Reason.NO_TORQUE:
         task.forgets = 1
     state.hold.known = 0
-    keep(config, task, state, inputs, outputs, False, lead)
+    hold(config, task, state, inputs, outputs, lead)
 
 
 @part
@@ -145,7 +121,7 @@ def leave_hold(
         rest_on_path(config, task, inputs.arm, not waited)
     state.hold.known, state.hold.load_error[:] = 0, 0.0
     forget(state.observed)
-    if config.cycle.has_observer != 0:
+    if config.has_observer != 0:
         reset(config.observer, state.observer, state.joint.answers.stamp_ns, inputs.arm.twist)
 
 

@@ -6,16 +6,15 @@ then the path comes to rest, and the law continues with the prediction, or witho
 
 from __future__ import annotations
 
-from typing import Final
-
 from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.vectors import spatial
-from slip_vic_controller.arm.joint_estimate import Finding
 from slip_vic_controller.arm.plausibility import unseen_ns
-from slip_vic_controller.arm.tare import Sensor, moved_joint
+from slip_vic_controller.arm.tare import moved_joint
 from slip_vic_controller.contact.estimate import SensorHealth
+from slip_vic_controller.law.extensions import FASTEST_M_S, slip_speed
 from slip_vic_controller.safety.conditions import (
+    NOTHING,
     Health,
     Reason,
     Why,
@@ -26,37 +25,29 @@ from slip_vic_controller.safety.conditions import (
     passed_ns,
     read_why,
     see,
+    see_one_of,
     since_when,
 )
 from slip_vic_controller.safety.drop_detection import doubt_of_fall
-from slip_vic_controller.safety.limit_avoidance import TRIP_SHARE, fast_joint, pushed_joint
+from slip_vic_controller.safety.limit_avoidance import TRIP_SHARE, pushed_joint
 from slip_vic_controller.safety.modes import Mode, follows, holds_for
-from slip_vic_controller.safety.validation import fine, usable
+from slip_vic_controller.safety.validation import frozen, usable
 from slip_vic_controller.sizes import NEVER
 from slip_vic_controller.state import ArmState, ControllerConfig, TaskState
 
-SLIDES_LINEAR, SLIDES_ANGULAR = 0.05, 1.0
-"""Slip at which the law does not begin [m/s], [rad/s]."""
-FINDINGS: Final = len(Finding)
-FIRST_FINDING: Final = Reason.VELOCITY.value - Finding.VELOCITY.value
-"""What makes a `Reason` of a `Finding`."""
-
 
 @part
-def judge(
-    config: ControllerConfig, task: TaskState, state: ArmState, health: Health, freezes: bool, now_ns: int
-) -> Why:
+def judge(config: ControllerConfig, task: TaskState, state: ArmState, health: Health, now_ns: int) -> Why:
     """Return what speaks against the law in this cycle.
 
     Args:
         config, task, state: of the controller, of all arms and of this one; the conditions in state are changed.
         health: of the inputs.
-        freezes: whether the joint values have been equal to the last bit for long.
         now_ns: the controller's clock.
     """
     sample = state.joint.answers
     find_faults(config, state, health, sample.position, sample.velocity, now_ns)
-    find_bad_inputs(config, state, health, freezes, now_ns)
+    find_bad_inputs(config, state, health, now_ns)
     find_reasons_to_wait(config, task, state, now_ns)
     find_hindrances(config, task, state, sample.position, now_ns)
     return first(config.conditions, state.conditions, now_ns)
@@ -65,11 +56,9 @@ def judge(
 @part
 def find_faults(config: ControllerConfig, state: ArmState, health: Health, q: Array, qd: Array, now_ns: int) -> None:
     """Look for what must latch; q, qd: joint state (n,) [rad], [rad/s]."""
-    rows, estimate = state.conditions, state.estimate
+    rows = state.conditions
     _find_speeds(config, state, qd, now_ns)
-    for k in range(1, FINDINGS):
-        found = Why(FIRST_FINDING + k, 0, 0, estimate.joint, estimate.value, estimate.limit)
-        see(rows, found, estimate.finding == k, now_ns)
+    see_one_of(rows, Reason.VELOCITY.value, Reason.IGNORED.value, read_why(state.estimate.found), now_ns)
     moved = moved_joint(config.tare, state.tare, q)
     j = max(moved, 0)
     way = Why(Reason.MOVED_IN_TARE.value, 0, 0, j, q[j] - state.tare.watched_from[j], 0.0)
@@ -85,24 +74,24 @@ def find_faults(config: ControllerConfig, state: ArmState, health: Health, q: Ar
 @part
 def _find_speeds(config: ControllerConfig, state: ArmState, qd: Array, now_ns: int) -> None:
     """Look for a joint or a pad that is too fast: one clock, since what runs away shows in one after another."""
-    motion, twist = config.motion, spatial(state.observed.twist)
-    which = fast_joint(motion, config.law.joints, qd)
-    speed, most, turns = twist.linear.norm(), motion.speed_linear, twist.angular.norm()
-    if which >= 0:
-        speed, most = abs(qd[which]), motion.velocity[which]
-    elif turns > TRIP_SHARE * motion.speed_angular:
-        speed, most = turns, motion.speed_angular
+    limits, twist, which = config.command, spatial(state.observed.twist), -1
+    speed, most, turns = twist.linear.norm(), limits.speed_linear, twist.angular.norm()
+    if turns > TRIP_SHARE * limits.speed_angular:
+        speed, most = turns, limits.speed_angular
+    for j in range(config.law.joints - 1, -1, -1):
+        if abs(qd[j]) > TRIP_SHARE * limits.velocity[j]:
+            which, speed, most = j, abs(qd[j]), limits.velocity[j]
     found = Why(Reason.TOO_FAST.value, 0, 0, which, speed, most)
     see(state.conditions, found, speed > TRIP_SHARE * most, now_ns)
 
 
 @part
-def find_bad_inputs(config: ControllerConfig, state: ArmState, health: Health, freezes: bool, now_ns: int) -> None:
+def find_bad_inputs(config: ControllerConfig, state: ArmState, health: Health, now_ns: int) -> None:
     """Look for inputs that the law cannot work with, or only for a bounded time."""
     rows, conditions, at_work = state.conditions, config.conditions, follows(state.mode.mode)
     others = health.outside != Reason.NONE and health.outside != Reason.FOREIGN_COMMAND
     see(rows, of_fault(Reason.INPUTS.value, health.outside), others, now_ns)
-    bad = not fine(health.wrench)
+    bad = health.wrench != Reason.NONE
     see(rows, of_fault(Reason.WRENCH_SLOWS.value, health.wrench), bad and at_work, now_ns)
     # A wrench that is ahead shows joint states that are late, and the law works with these.
     for_now = at_work and health.wrench != Reason.FUTURE
@@ -118,7 +107,9 @@ def find_bad_inputs(config: ControllerConfig, state: ArmState, health: Health, f
         fault = Reason.NOT_RUN.value
     elif unseen > (conditions.unseen_ns if at_work else conditions.bridge_ns):
         fault = unseen_fault
-    elif freezes and (moves or holds_for(state.mode, Reason.JOINT_STATE.value, Reason.FROZEN.value)):
+    elif frozen(config.joint, state.joint, now_ns) and (
+        moves or holds_for(state.mode, Reason.JOINT_STATE.value, Reason.FROZEN.value)
+    ):
         fault = Reason.FROZEN.value
     see(rows, of_fault(Reason.JOINT_STATE.value, fault), fault != Reason.NONE, now_ns)
     _find_bad_slip(config, state, health.slip, at_work, now_ns)
@@ -128,7 +119,7 @@ def find_bad_inputs(config: ControllerConfig, state: ArmState, health: Health, f
 def _find_bad_slip(config: ControllerConfig, state: ArmState, fault: int, at_work: bool, now_ns: int) -> None:
     """Let a slip velocity that is unknown count for a bounded time."""
     rows = state.conditions
-    unknown = not fine(fault) and config.conditions.slip_needed != 0
+    unknown = fault != Reason.NONE and config.conditions.slip_needed != 0
     see(rows, of_fault(Reason.SLIP_PREDICTED.value, fault), unknown, now_ns)
     see(rows, of_fault(Reason.SLIP_SLOWS.value, fault), unknown, now_ns)
     longest_ns = config.conditions.lasts_ns[Reason.SLIP_SLOWS] + config.conditions.slow_down_ns
@@ -142,18 +133,13 @@ def find_reasons_to_wait(config: ControllerConfig, task: TaskState, state: ArmSt
     rows, tare, governor, at_work = state.conditions, state.tare, task.governor, follows(state.mode.mode)
     waits = config.tare.duration_ns > 0 and not at_work
     see(rows, because(Reason.TARE.value, 0), waits and tare.done == 0, now_ns)
-    biased, inverted = waits and tare.done != 0, tare.sensor == Sensor.MASS and tare.worst < 0.0
-    bias = Why(Reason.BIASED.value, 0, 0, tare.sensor, tare.worst, tare.bound)
-    see(rows, bias, biased and tare.sensor != Sensor.NONE and tare.sensor != Sensor.MASS, now_ns)
-    bias = Why(Reason.WRONG_MASS.value, 0, 0, 0, tare.worst, tare.bound)
-    see(rows, bias, biased and tare.sensor == Sensor.MASS and not inverted, now_ns)
-    bias = Why(Reason.INVERTED_WRENCH.value, 0, 0, 0, tare.worst, tare.bound)
-    see(rows, bias, biased and inverted, now_ns)
+    found = read_why(tare.found) if waits else NOTHING
+    see_one_of(rows, Reason.BIASED.value, Reason.INVERTED_WRENCH.value, found, now_ns)
     heavy = governor.infeasible != 0
     where, carries = round(1e3 * governor.heaviest_time) if heavy else 0, config.governor.path_margin
     load = Why(Reason.PATH_TOO_HEAVY.value, 0, 0, where, governor.weight_load, carries * governor.plan_load)
     see(rows, load, heavy, now_ns)
-    # With the delay of its loop the law would swing instead of catching what already slides fast.
+    # The compensation does not end such a slip: with the delay of its loop the law would swing.
     sliding = slides(config, state) and not at_work and config.conditions.slip_needed != 0
     see(rows, because(Reason.SLIDES.value, 0), sliding, now_ns)
 
@@ -166,9 +152,7 @@ def slides(config: ControllerConfig, state: ArmState) -> bool:
     """
     newest_ns = NEVER
     for i in range(config.law.contacts):
-        v = spatial(state.slip_inputs[i].values)
-        fast = v.linear.dot(v.linear) > SLIDES_LINEAR * SLIDES_LINEAR
-        if fast or v.angular.dot(v.angular) > SLIDES_ANGULAR * SLIDES_ANGULAR:
+        if slip_speed(config.gains.gains, spatial(state.slip_inputs[i].values)) > FASTEST_M_S:
             newest_ns = max(newest_ns, state.slip_inputs[i].stamp_ns)
     state.sliding_ns = since_when(state.sliding_ns, newest_ns != NEVER, newest_ns)
     return bool(newest_ns != state.sliding_ns)
@@ -189,8 +173,7 @@ def find_hindrances(config: ControllerConfig, task: TaskState, state: ArmState, 
     see(rows, because(Reason.PATH_WAITS.value, 0), waits, now_ns)
     # What keeps the pad from its path there is no slip, and no friction that is too low; nor is it what lasts of that.
     hindered = governor.overrun != 0 or governor.endless != 0 or given_up or waits
-    hindered = hindered or lasted(config.conditions, rows, Reason.NOT_FOLLOWING.value, now_ns)
-    pushed, why = pushed_joint(config.motion, config.law.joints, q), read_why(state.mode.reason)
+    pushed, why = pushed_joint(config.command, config.law.joints, q), read_why(state.mode.reason)
     if pushed >= 0:
         why = Why(Reason.RANGE_END.value, 0, 0, pushed, q[pushed], 0.0)
     if why.reason != Reason.RANGE_END:

@@ -1,25 +1,19 @@
-"""What the law commands: the desired motion, the evaluation of the law, and whether the arm follows."""
+"""What the law commands: the desired motion, and the evaluation of the law."""
 
 from __future__ import annotations
 
-import numpy as np
-
 from slip_core.cholesky import all_finite
 from slip_core.compiled import part
-from slip_vic_controller.arm.command import Interface
 from slip_vic_controller.cycle.contact import held
 from slip_vic_controller.cycle.governing import follow_goal, governed_reference, guard
 from slip_vic_controller.cycle.holding import fail, keep_joints
 from slip_vic_controller.cycle.limit import finish
-from slip_vic_controller.cycle.sensing import put_twist_of_joints
-from slip_vic_controller.cycle.wrench import put_own_wrench
 from slip_vic_controller.governor.plan import Governing
 from slip_vic_controller.law.law import evaluate, finite_pose, scale_acceleration
 from slip_vic_controller.path.path_scaling import scaled
 from slip_vic_controller.path.paths import carried, put_reference, read_reference, reference_at
-from slip_vic_controller.safety.conditions import NOTHING, Reason, because, see
+from slip_vic_controller.safety.conditions import Reason
 from slip_vic_controller.safety.drop_detection import observe_motion
-from slip_vic_controller.safety.following import rests_far_off, what_keeps
 from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs, CycleOutputs, TaskState
 
 
@@ -30,34 +24,24 @@ def follow(
     """Let the law command the arm, on what `sense` has found."""
     sample, n, axes, law = state.joint.answers, config.law.joints, config.law.contact[0].slip_axes, outputs.law
     dt_ns = max(sample.stamp_ns - state.law.stamp_ns, 0)
-    cause = command(config, task, state, inputs, outputs, lead)
-    if cause != Reason.NONE:
-        fail(config, task, state, inputs, outputs, cause, lead)
+    if not _reference(config, task, state, outputs, lead):
+        fail(config, task, state, inputs, outputs, Reason.BAD_REFERENCE.value, lead)
         return
-    state.law.e_previous[:] = law.e[3:]
+    q, qd, own = sample.position, sample.velocity, state.law
+    evaluate(config.law, inputs.arm, q, qd, own.posture, own.e_previous, outputs)
+    factor = guard(config, task, state, inputs.arm, outputs, held(config, state, outputs.gains))
+    if factor < 1.0 and law.ok != 0:
+        scale_acceleration(config.law, inputs.arm, q, qd, own.posture, factor, outputs)
+    if law.ok == 0:
+        fail(config, task, state, inputs, outputs, Reason.NO_TORQUE.value, lead)
+        return
+    own.e_previous[:] = law.e[3:]
     for k in range(config.law.contacts):
-        state.law.slips[k] = outputs.slips[k]
+        own.slips[k] = outputs.slips[k]
     keep_joints(config, state, inputs)
     outputs.wanted[:n] = law.effort[:n]
     observe_motion(config.drop, axes, state.observed, inputs.arm, law, outputs.reference, dt_ns * 1e-9)
-    _watch_following(config, state, inputs, outputs)
-    finish(config, state, inputs, outputs, sample.position, sample.velocity, True)
-
-
-@part
-def command(
-    config: ControllerConfig, task: TaskState, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, lead: bool
-) -> int:
-    """Evaluate the law on what `sense` has found; return why it could not be, Reason.NONE where it could."""
-    law, q, qd = state.law, state.joint.answers.position, state.joint.answers.velocity
-    if not _reference(config, task, state, outputs, lead):
-        return Reason.BAD_REFERENCE.value
-    evaluate(config.law, inputs.arm, q, qd, law.posture, law.e_previous, outputs)
-    factor = guard(config, task, state, inputs.arm, outputs, held(config, state, outputs.gains))
-    if factor < 1.0 and outputs.law.ok != 0:
-        scale_acceleration(config.law, inputs.arm, q, qd, law.posture, factor, outputs)
-    outputs.evaluated = outputs.law.ok
-    return Reason.NONE.value if outputs.law.ok != 0 else Reason.NO_TORQUE.value
+    finish(config, state, inputs, outputs, q, qd, True)
 
 
 @part
@@ -68,7 +52,7 @@ def _reference(config: ControllerConfig, task: TaskState, state: ArmState, outpu
     the law began. A built-in path each pad runs through from where it was then.
     """
     law = state.law
-    by_topic = config.cycle.follows_stream != 0 or config.cycle.follows_goals != 0
+    by_topic = config.follows_stream != 0 or config.follows_goals != 0
     keeps = not lead and (task.reference_known != 0 or by_topic)
     if keeps:
         desired = carried(read_reference(task.desired), state.grasp)
@@ -76,10 +60,10 @@ def _reference(config: ControllerConfig, task: TaskState, state: ArmState, outpu
         desired = read_reference(task.reference)
     elif config.governor.mode != Governing.OFF:
         desired = governed_reference(config, task, state, lead)
-    elif config.cycle.follows_goals != 0:
+    elif config.follows_goals != 0:
         desired = follow_goal(task, state.joint.answers.stamp_ns)
     else:
-        t = (state.joint.answers.stamp_ns - task.start_ns) * 1e-9 - config.cycle.start_s
+        t = (state.joint.answers.stamp_ns - task.start_ns) * 1e-9 - config.start_s
         desired = reference_at(config.path, t, law.start_position, law.start_rotation)
     if not keeps and (task.path.scale != 1.0 or task.path.rate != 0.0):
         desired = scaled(desired, task.path)
@@ -88,18 +72,3 @@ def _reference(config: ControllerConfig, task: TaskState, state: ArmState, outpu
         task.desired = outputs.reference
     finite = all_finite(outputs.reference.twist) and all_finite(outputs.reference.acceleration)
     return finite and finite_pose(outputs.reference.position, outputs.reference.rotation)
-
-
-@part
-def _watch_following(config: ControllerConfig, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs) -> None:
-    """Look whether the arm moves as commanded; its velocity of now is not that of the commands under way."""
-    twist, why = inputs.arm.twist.copy(), NOTHING
-    if config.command.interface != Interface.EFFORT:
-        put_twist_of_joints(config, state, inputs, twist)
-    if rests_far_off(outputs.law, twist):
-        h, n, effort = np.empty(6), config.law.joints, state.limiter.effort
-        put_own_wrench(config, state, inputs, h)
-        commanded = state.motion.velocity  # zeros with drives that take efforts
-        why = what_keeps(n, inputs.arm, outputs.law, h, effort, commanded)
-    kept = why.reason != Reason.NONE
-    see(state.conditions, why if kept else because(Reason.NOT_FOLLOWING.value, 0), kept, inputs.now_ns)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from slip_core.arrays import Array
@@ -11,7 +9,6 @@ from slip_core.compiled import part
 from slip_core.vectors import mat, put_mat, put_spatial, spatial
 from slip_vic_controller.arm.command import Interface
 from slip_vic_controller.arm.estimator import pad_variances
-from slip_vic_controller.contact.layouts import Observer
 from slip_vic_controller.contact.observer import observe
 from slip_vic_controller.cycle.contact import estimate_contact
 from slip_vic_controller.cycle.wrench import own_wrench
@@ -22,7 +19,6 @@ from slip_vic_controller.law.extensions import judge_compensation, slip_speed
 from slip_vic_controller.law.gains import gains_at
 from slip_vic_controller.law.law import predict_motion
 from slip_vic_controller.law.object import integrate_slips
-from slip_vic_controller.law.symbols import SlipEstimate
 from slip_vic_controller.safety.conditions import Reason
 from slip_vic_controller.sizes import NEVER
 from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs, CycleOutputs, TaskState
@@ -34,9 +30,7 @@ def gains_now(state: ArmState, stamp_ns: int, outputs: CycleOutputs) -> None:
     gains_at(state.law.ramp, stamp_ns, outputs.gains)
     measured = 1.0 + state.tare.mass_share
     outputs.gains.object.mass *= measured
-    for i in range(3):
-        for j in range(3):
-            outputs.gains.object.inertia[i, j] *= measured
+    outputs.gains.object.inertia[:] *= measured
 
 
 @part
@@ -45,11 +39,11 @@ def limit_internal_gain(config: ControllerConfig, state: ArmState, outputs: Cycl
     gains, late_ns = outputs.gains.gains, 0
     for k in range(config.law.contacts):
         late_ns = max(late_ns, state.joint.answers.stamp_ns - state.wrench_inputs[k].stamp_ns)
-    late_s = config.cycle.drive_lag_s + config.cycle.kappa_late_s
-    delay_s = late_s + 1e-9 * (config.cycle.period_ns + state.latency.most_ns + late_ns)
+    late_s = config.drive_lag_s + config.kappa_late_s
+    delay_s = late_s + 1e-9 * (config.period_ns + state.latency.most_ns + late_ns)
     least = min(gains.M_D[0], gains.M_D[1], gains.M_D[2])
-    most = internal_gain_limit(least, config.cycle.pad_stiffness, delay_s)
-    gains.kappa = min(gains.kappa, config.cycle.kappa_share * most)
+    most = internal_gain_limit(least, config.pad_stiffness, delay_s)
+    gains.kappa = min(gains.kappa, config.kappa_share * most)
 
 
 @part
@@ -78,7 +72,7 @@ def sense(
     if unknown:
         queue.count = 0  # an observer continues with the model alone
     gains_now(state, law.stamp_ns, outputs)
-    observer, motion, observes = state.observer, outputs.motion, config.cycle.has_observer != 0
+    observer, motion, observes = state.observer, outputs.motion, config.has_observer != 0
     put_mat(motion.rotation, mat(inputs.arm.rotation))
     put_spatial(motion.v_ee, spatial(inputs.arm.twist))
     if observes:
@@ -91,7 +85,9 @@ def sense(
     if observes:
         if not observe(config.observer, observer, history, motion, sample.stamp_ns, queue.samples, queue.count):
             return Reason.NO_ESTIMATE.value
-        _put_estimate(observer, outputs.estimate)
+        estimate = outputs.estimate
+        estimate.sliding, estimate.significance = observer.sliding, observer.significance
+        estimate.deviation[:], estimate.error[:] = np.sqrt(observer.variance), observer.error
         outputs.follow_error[:] = observer.error
     if outputs.gains.gains.kappa != 0.0:
         limit_internal_gain(config, state, outputs)
@@ -111,26 +107,18 @@ def _slip_for_law(
     lead; and zero where the law takes the object as held.
     """
     law, samples, contact = state.law, outputs.samples, state.pad.contact
-    if config.cycle.gate_shut != 0:
+    if config.gate_shut != 0:
         for k in range(config.law.contacts):
             samples[k].slip_twist[:] = 0.0
-    elif config.cycle.has_observer != 0:
+    elif config.has_observer != 0:
         samples[0].slip_twist[:] = state.observer.twist
     integrate_slips(config.law, samples, law.slips, dt, outputs.slips)
     if config.law.yields > 0.0:
         v_s = slip_velocity(config.law.contact[0], samples[0])
         judge_compensation(law.given_up, outputs.gains.gains, v_s, state.observed.fall_speed, dt)
-    if config.cycle.slip_ahead_s > 0.0:
+    if config.slip_ahead_s > 0.0:
         _foresee_slip(config, state, inputs, outputs)
     contact.v_s[:] = samples[0].slip_twist
-
-
-@part
-def _put_estimate(observer: Observer, out: SlipEstimate) -> None:
-    """Write what an observer publishes to a SLIP_ESTIMATE."""
-    out.sliding, out.significance = observer.sliding, observer.significance
-    for k in range(6):
-        out.deviation[k], out.error[k] = math.sqrt(observer.variance[k]), observer.error[k]
 
 
 @part
@@ -149,8 +137,8 @@ def _foresee_slip(config: ControllerConfig, state: ArmState, inputs: CycleInputs
         return
     put_twist_now(config, state, inputs, now)
     follow = spatial(outputs.motion.follow)
-    change = spatial(inputs.arm.twist) - spatial(now) - config.cycle.slip_ahead_s * follow
-    error = config.cycle.slip_ahead_s * spatial(outputs.follow_error)
+    change = spatial(inputs.arm.twist) - spatial(now) - config.slip_ahead_s * follow
+    error = config.slip_ahead_s * spatial(outputs.follow_error)
     ahead = v_s + spatial(contact.slip_axes) * (mat(inputs.arm.rotation).T() @ change - error)
     gains = outputs.gains.gains
     most, speed = slip_speed(gains, v_s), slip_speed(gains, ahead)
@@ -163,15 +151,8 @@ def put_twist_now(config: ControllerConfig, state: ArmState, inputs: CycleInputs
 
     So is its Jacobian: what that changes on the way there is taken off.
     """
-    put_twist_of_joints(config, state, inputs, twist)
-    for i in range(6):
-        twist[i] -= config.cycle.drive_lag_s * inputs.arm.jdot_qd[i]
-
-
-@part
-def put_twist_of_joints(config: ControllerConfig, state: ArmState, inputs: CycleInputs, twist: Array) -> None:
-    """Write the twist (6,) {w} that the joints' velocities of now give the pad: zero where none moves."""
     for i in range(6):
         twist[i] = 0.0
         for j in range(config.law.joints):
             twist[i] += inputs.arm.J[i, j] * state.estimate.velocity[j]
+        twist[i] -= config.drive_lag_s * inputs.arm.jdot_qd[i]

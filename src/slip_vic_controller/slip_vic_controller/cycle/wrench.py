@@ -8,7 +8,7 @@ from slip_core.vectors import ZERO, Mat, Spatial, Vec, mat, put_spatial, spatial
 from slip_vic_controller.interfaces import wrench_at_pad
 from slip_vic_controller.law.contact import contact_arm, pad_rotation
 from slip_vic_controller.law.internal import mean_arm
-from slip_vic_controller.safety.hold import carry_load, plausible_arm
+from slip_vic_controller.safety.hold import plausible_arm
 from slip_vic_controller.safety.modes import follows
 from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs, TaskState
 
@@ -16,7 +16,7 @@ from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs, T
 @part
 def tared_wrench(config: ControllerConfig, state: ArmState, R_ee: Mat) -> Spatial:
     """Return what the tare reads [N, N m] {ee}: the sensor, which nothing else uses by then, or the model's wrench."""
-    if config.cycle.models_wrench != 0:
+    if config.models_wrench != 0:
         return spatial(state.wrench_of_model[0])
     return wrench_at_pad(config.wrench_sensor, state.wrench_inputs[0].values, R_ee)
 
@@ -50,18 +50,6 @@ def arm_of_load(config: ControllerConfig, state: ArmState, pad: Mat) -> Vec:
     for k in range(config.law.contacts):
         positions = positions + vec(config.law.contact[k].position)
     return plausible_arm(pad.T() @ ((1.0 / config.law.contacts) * positions), r)
-
-
-@part
-def overloaded_joint(config: ControllerConfig, state: ArmState, inputs: CycleInputs) -> tuple[int, float]:
-    """Return a joint whose effort limit does not hold arm and object, and the torque [N m] that would; -1 for none."""
-    torque = inputs.arm.gravity.copy()
-    r = arm_of_load(config, state, pad_rotation(config.law.contact[0], state.law.slips[0]))
-    carry_load(config.hold, state.hold, inputs.arm, r, torque)
-    for j in range(config.law.joints):
-        if abs(torque[j]) > config.law.effort_limit[j]:
-            return j, float(torque[j])
-    return -1, 0.0
 
 
 @part

@@ -109,8 +109,8 @@ class ArmReport:
         self._scalars.send(stamp_ns, tuple(shown.values()))
         if self._joints is not None:
             joints, n = record.joints, len(self._arm.estimated_joints)
-            self._joints.send(stamp_ns, joints.position[:n], joints.velocity[:n], joints.disturbance[:n])
-        for sender, fill in self._evaluated if record.evaluated else ():
+            self._joints.send(stamp_ns, joints.position[:n], joints.velocity[:n], joints.effort[:n])
+        for sender, fill in self._evaluated if record.ok else ():
             sender.send(stamp_ns, fill(result, scalars))
 
     def _report_mode(self, result: CycleResult) -> None:
@@ -146,7 +146,7 @@ class ArmReport:
     def _mode_status(self, result: CycleResult, reason: str) -> tuple[int, str, dict[str, object]]:
         """Return level, text and values of a cycle for /diagnostics."""
         record = result.record
-        near = [name for name in ("arm", "attitude") if record.evaluated and record.law[f"near_singular_{name}"]]
+        near = [name for name in ("arm", "attitude") if record.ok and record.law[f"near_singular_{name}"]]
         saturated = int(record.saturated.sum())
         values = {
             "mode": result.mode.name, **result.reason_fields, "cycle": result.cycle,

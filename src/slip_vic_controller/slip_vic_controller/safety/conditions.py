@@ -12,7 +12,7 @@ from enum import IntEnum, unique
 from typing import Annotated, Any, Final, NamedTuple
 
 from slip_core.compiled import part
-from slip_core.records import Real, Record, Records, Whole, WholeArray, dtype_of
+from slip_core.records import Real, Record, Records, Whole, WholeArray
 from slip_vic_controller.contact.estimate import SensorHealth
 from slip_vic_controller.sizes import MAX_CONTACTS, NEVER
 
@@ -36,7 +36,6 @@ _JOINT = (
 )
 _RUNAWAY = "A wrong sign or frame of the wrench, or gains too high for a delay? Then `~/reset_fault`."
 _MODEL = "Clear the arm; check `object.mass`, the URDF's masses, `effort.gravity`, offsets; then `~/reset_fault`."
-_BRAKE = "Release its brake, clear the arm, or raise `disturbance.limit`: friction is above the effort."
 _BIAS = "Zero the named sensor, or fix it; then `~/tare`. Where the bias is its own, raise `tare.*`."
 _RANGE = "The path takes the joint farther than it goes: start in another posture (`slip-vic arm FILE` finds one)."
 _SLIP_SENSOR = (
@@ -103,7 +102,7 @@ class Reason(IntEnum):
     INTERNAL = 22, "internal error: this is a bug", "Report it with a bag and the line in the node's log.", _FAULT
     # which: joint, -1 = the pad
     TOO_FAST = 23, "{joint} moves at {value:.1f} rad/s or m/s, the limit is {limit:.1f}", _RUNAWAY, _FAULT, 0.005
-    # this and the next ones in the order of the estimator's `Finding`; which: joint
+    # this and the next two in the order of `Trust` in what is left; which: joint
     VELOCITY = 26, "{joint}: its velocity contradicts its position by {value:.4f} rad", _JOINT, _FAULT
     POSITION = 27, "{joint}: its position is stuck or drifts by {value:.4f} rad", _JOINT, _FAULT
     STUCK = 28, "{joint}: its position and velocity are stuck, though it moves", _JOINT, _FAULT
@@ -114,7 +113,6 @@ class Reason(IntEnum):
     FALLS = 33, "the object falls: {value:.2f} m/s faster than the reference", "More grip; `object.mass`.", _FAULT
     EFFORT_COMMAND = 34, "effort command {fault}", _INPUT, _FAULT
     # -- WAITING_INPUT
-    NO_INPUT_YET = 35, "no input yet", "Start the drivers. `slip-vic bag record -a` shows what is missing.", _WAITS
     # which: bits of what is missing
     WAITS = 36, "waits for {missing}", "Remap your driver's topics to these; compare `frame_id` and QoS.", _WAITS
     JOINTS_RESTARTED = 37, "joint state {fault}", _INPUT, _WAITS
@@ -132,7 +130,6 @@ class Reason(IntEnum):
     JOINT_STATE = 41, "joint state {fault}", _INPUT, _HOLD
     SLIP = 42, "slip velocity {fault}", _INPUT, _HOLD
     TARE = 43, "tare: sensors are read at rest before the law begins", "Wait; touch neither arm nor object.", _HOLD
-    # which: the tare's `Sensor`
     BIASED = 44, "{sensor} reads {value:.3g} at rest, at most {limit:.3g} are taken out", _BIAS, _HOLD
     WRONG_MASS = 47, "object.mass is {limit:.3g}, the wrench at rest says {value:.3g}", _WEIGHT, _HOLD
     INVERTED_WRENCH = 48, "the wrench reads the weight with the opposite sign ({value:.3g} kg)", _WEIGHT, _HOLD
@@ -157,8 +154,6 @@ class Reason(IntEnum):
     STOPPING = 61, "hold requested: coming to rest first", "Wait: it comes to rest along the path first.", _DEGRADED
     SATURATED = 62, "efforts saturated", "A slower path, the governor, `safety.limits.effort_rate`.", _DEGRADED, 0.1
     RANGE_END = 65, "{joint} is at the end of its range, at {value:.2f} rad, off its path", _RANGE, _DEGRADED
-    # which: joint; limit: how far the pad is off its reference [m], or [rad] where only the attitude is far
-    NOT_FOLLOWING = 66, "{joint} does not follow: {value:.2f} N m do not move it", _BRAKE, _DEGRADED, 1.0
     # value: load that the motion needs, limit: that is measured [N]
     READS_NOTHING = (
         67,
@@ -171,7 +166,7 @@ class Reason(IntEnum):
     OVERRUNS = 70, "friction is too low to stop on the path", "More grip, or more `governor.margin`.", _DEGRADED
     ENDLESS_SLIP = 71, "slip that does not end: the path goes on without it", "`~/tare` at rest.", _DEGRADED
     GIVEN_UP = 72, "compensation off: the object slips fast all the same", "Check `object.mass`.", _DEGRADED
-    PATH_WAITS = 73, "the path waits for the arm", "Something blocks the arm, or its gains are too soft.", _DEGRADED
+    PATH_WAITS = 73, "the path waits for the arm", "A brake or obstacle, or gains that are too soft.", _DEGRADED
 
 
 REASONS: Final = max(Reason) + 1
@@ -205,7 +200,10 @@ _MISSING = (
     *("activation", "a good joint state", "joint_states"),
     *(f"{name} of contact {k}" for name in ("wrench", "slip") for k in range(MAX_CONTACTS)),
 )
-_SENSORS = "", "the slip sensor [m/s, rad/s]", "the wrench sensor [N, N m]", "the joint velocity [rad/s]"
+_SENSORS = (
+    *("the slip sensor [m/s]", "the slip sensor [rad/s]", "the wrench sensor [N]", "the wrench sensor [N m]"),
+    "the joint velocity [rad/s]",
+)
 _MOUNTED = tuple(health.name.lower().replace("_", " ") for health in SensorHealth)
 
 
@@ -250,6 +248,8 @@ class ConditionsConfig(Record):
     unseen_ns: Whole  # the same, with the time in which the path comes to rest
     gap_ns: Whole  # pause of the controller itself that is too long
     slip_needed: Whole  # whether the law needs the slip velocity
+    auto_enable: Whole  # whether the law begins without a user
+    resume_after_ns: Whole  # how long what spoke against the law must be gone
 
 
 class Health(Record):
@@ -259,9 +259,6 @@ class Health(Record):
     wrench: Whole  # the worst of all contacts
     slip: Whole  # the worst of all contacts
     outside: Whole  # who else publishes
-
-
-HEALTH = dtype_of(Health)
 
 
 @part
@@ -315,6 +312,13 @@ def forget_conditions(rows: Records[Condition]) -> None:
     """Begin: nothing is so."""
     for row in rows:
         row.since_ns = NEVER
+
+
+@part
+def see_one_of(rows: Records[Condition], first_row: int, last_row: int, why: Why, now_ns: int) -> None:
+    """Take down which of neighbouring rows is so: that of `why`, and no other."""
+    for k in range(first_row, last_row + 1):
+        see(rows, Why(k, why.fault, 0, why.which, why.value, why.limit), k == why.reason, now_ns)
 
 
 @part

@@ -11,8 +11,9 @@ import math
 
 from slip_core.arrays import Array
 from slip_core.compiled import part
-from slip_core.records import Real, Record, Vec3, Vec6, Whole, dtype_of
+from slip_core.records import Real, Record, Vec3, Vec6, Whole
 from slip_core.vectors import mat, vec
+from slip_vic_controller.arm.tare import OUTLIER
 from slip_vic_controller.law.arm import Arm, DesiredMotion
 from slip_vic_controller.law.evaluation import Evaluation
 from slip_vic_controller.path.path_scaling import scale_for_error
@@ -21,8 +22,6 @@ FALLS_WITHIN_S = 0.06
 """Least time in which an object gains the speed of a fall: one wrong slip sample is none [s]."""
 MOVING = 0.01
 """[m/s] or [rad/s] above which a reference requires motion, and a slip velocity counts as slip."""
-DEVIATIONS = 3.0
-"""Standard deviations of an estimated slip velocity by which an object must fall faster to be lost."""
 
 
 class DropDetectionConfig(Record):
@@ -35,9 +34,6 @@ class DropDetectionConfig(Record):
     error_angular: Real  # rad
 
 
-DROP_DETECTION = dtype_of(DropDetectionConfig)
-
-
 class ObservedMotion(Record):
     """What the last evaluation of the law looked like."""
 
@@ -45,9 +41,6 @@ class ObservedMotion(Record):
     path_speed: Real  # how fast the path may run, share of planned
     moves: Whole  # whether the reference moves
     twist: Vec6  # m/s, rad/s {w}; of the pad
-
-
-OBSERVED = dtype_of(ObservedMotion)
 
 
 @part
@@ -86,4 +79,4 @@ def observe_motion(
 @part
 def doubt_of_fall(variance: Array) -> float:
     """Return the speed [m/s] by which an estimated slip velocity may be off; variance: (6,) of its axes."""
-    return DEVIATIONS * math.sqrt(max(variance[0], variance[1], variance[2]))
+    return OUTLIER * math.sqrt(max(variance[0], variance[1], variance[2]))

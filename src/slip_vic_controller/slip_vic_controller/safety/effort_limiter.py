@@ -8,43 +8,18 @@ from __future__ import annotations
 from slip_core.arrays import Array
 from slip_core.cholesky import all_finite
 from slip_core.compiled import part
-from slip_core.records import Real, Record, Whole, WholeArray, dtype_of
-from slip_vic_controller.sizes import Joints
+from slip_core.records import WholeArray
+from slip_vic_controller.arm.command import CommandLimits, SentCommand
 
-LONGEST_STEP_S, RESTART_AFTER_S = 0.005, 0.05
-"""Time between two commands that the rate limit counts at most, so that a pause allows no jump; and pause after which
-it starts again from the measured effort [s]."""
+LONGEST_STEP_S = 0.005
+"""Time between two commands that the rate limit counts at most, so that a pause allows no jump [s]."""
 HELD = 0.2
 """Share of the effort limit by which the measured effort may be off gravity: an object, friction, a wrong model."""
 
 
-class EffortLimits(Record):
-    """What the effort limiter lets pass."""
-
-    effort: Joints  # N m
-    rate: Real  # N m/s
-    longest_step_ns: Whole  # that counts between two commands
-    restart_after_ns: Whole  # pause after which it starts again
-    period_ns: Whole  # of control
-
-
-EFFORT_LIMITS = dtype_of(EffortLimits)
-
-
-class EffortLimiter(Record):
-    """The effort that left last, and when."""
-
-    started: Whole
-    now_ns: Whole
-    effort: Joints  # N m
-
-
-LIMITER = dtype_of(EffortLimiter)
-
-
 @part
 def start_limiter(
-    limits: EffortLimits, state: EffortLimiter, n: int, measured: Array, gravity: Array, now_ns: int
+    limits: CommandLimits, state: SentCommand, n: int, measured: Array, gravity: Array, now_ns: int
 ) -> None:
     """Set what the first command, or the first after a pause, is limited from; (n,) [N m].
 
@@ -62,21 +37,14 @@ def start_limiter(
 
 
 @part
-def go_on(limits: EffortLimits, state: EffortLimiter, now_ns: int) -> None:
-    """Let the next command continue from the last one, however old: nothing else tells what the joints feel by now."""
-    if state.started != 0:
-        state.now_ns = max(state.now_ns, now_ns - limits.longest_step_ns)
-
-
-@part
-def needs_restart(limits: EffortLimits, state: EffortLimiter, now_ns: int) -> bool:
+def needs_restart(limits: CommandLimits, state: SentCommand, now_ns: int) -> bool:
     """Return whether the last command is so old that the joints may feel something else by now."""
     return bool(state.started == 0 or now_ns - state.now_ns > limits.restart_after_ns)
 
 
 @part
 def limit_effort(
-    limits: EffortLimits, state: EffortLimiter, n: int, wanted: Array, now_ns: int, clipped: WholeArray,
+    limits: CommandLimits, state: SentCommand, n: int, wanted: Array, now_ns: int, clipped: WholeArray,
     limited: WholeArray,
 ) -> bool:  # fmt: skip
     """Let an effort out: finite, clipped, slope-limited, in this order; the result is `state.effort`.
@@ -93,7 +61,7 @@ def limit_effort(
     """
     finite = all_finite(wanted[:n])
     # The same slope at every control rate; a clock that goes back allows no step.
-    step = limits.rate * 1e-9 * min(max(now_ns - state.now_ns, 0), limits.longest_step_ns)
+    step = limits.effort_rate * 1e-9 * min(max(now_ns - state.now_ns, 0), limits.longest_step_ns)
     for j in range(n):
         limit, before = limits.effort[j], state.effort[j]
         torque = wanted[j] if finite else before

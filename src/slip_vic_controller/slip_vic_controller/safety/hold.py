@@ -6,10 +6,11 @@ import math
 
 from slip_core.arrays import Array
 from slip_core.compiled import part
-from slip_core.records import Mat3, Real, Record, Vec3, Vec6, Whole, dtype_of
+from slip_core.records import Mat3, Real, Record, Vec3, Vec6, Whole
 from slip_core.vectors import ZERO, Mat, Spatial, Vec, mat, put_spatial, spatial, vec
+from slip_vic_controller.arm.plausibility import MOVES
 from slip_vic_controller.law.arm import Arm
-from slip_vic_controller.safety.validation import ARM_MOVES, JointRecord
+from slip_vic_controller.safety.validation import JointRecord
 from slip_vic_controller.sizes import Joints
 
 DELAY = 0.46
@@ -40,18 +41,12 @@ class HoldConfig(Record):
     weight: Vec3  # N {w}
 
 
-HOLD_CONFIG = dtype_of(HoldConfig)
-
-
 class Hold(Record):
     """What HOLD keeps."""
 
     known: Whole
     posture: Joints  # rad
     load_error: Vec6  # N, N m {ee}; what is added to the model's load
-
-
-HOLD = dtype_of(Hold)
 
 
 @part
@@ -156,13 +151,6 @@ def hold_effort(
 
 
 @part
-def begin_posture(config: HoldConfig, state: Hold, sample: JointRecord) -> None:
-    """Begin with the posture in which the joints are; config, state: of HOLD; sample: of the joints [rad]."""
-    state.known = 1
-    state.posture[: config.joints] = sample.position[: config.joints]
-
-
-@part
 def keep_posture(
     config: HoldConfig, state: Hold, sample: JointRecord, velocity_limit: Array, M: Array, friction: Array
 ) -> None:
@@ -186,7 +174,7 @@ def keep_posture(
         speed, pull = abs(sample.velocity[j]), 0.0
         for k in range(n):
             pull += config.stiffness * M[j, k] * off[k]
-        rests = abs(off[j]) > ELSEWHERE and speed < ARM_MOVES and abs(pull) < friction[j]
+        rests = abs(off[j]) > ELSEWHERE and speed < MOVES and abs(pull) < friction[j]
         if rests or speed > velocity_limit[j]:
             state.posture[j] = sample.position[j]
 

@@ -7,7 +7,7 @@ seen so far.
 from __future__ import annotations
 
 from slip_core.compiled import part
-from slip_core.records import Record, Whole, dtype_of
+from slip_core.records import Record, Whole
 
 DRIFT = 5e-4  # by which two clocks may run apart; more is not taken back
 STEADY_NS = 5_000_000  # below which a growing time from stamp to answer may be clocks that drift
@@ -21,9 +21,6 @@ class Latency(Record):
     least_ns: Whole  # least time from stamp to answer
     last_ns: Whole  # what the last one had above it
     most_ns: Whole  # the most of late
-
-
-LATENCY = dtype_of(Latency)
 
 
 @part

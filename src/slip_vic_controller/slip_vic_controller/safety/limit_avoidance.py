@@ -9,9 +9,8 @@ import numpy as np
 from slip_core.arrays import Array
 from slip_core.cholesky import cholesky, forward_substitute
 from slip_core.compiled import part
-from slip_core.records import Real, Record
-from slip_vic_controller.safety.effort_limiter import EffortLimits
-from slip_vic_controller.sizes import MAX_JOINTS, Joints
+from slip_vic_controller.arm.command import CommandLimits
+from slip_vic_controller.sizes import MAX_JOINTS
 
 BRAKE_LAG_S = 0.020
 """How late efforts may be at work without a braked joint being thrown to the other side [s]; HOLD bears as much."""
@@ -20,39 +19,27 @@ BRAKE_SHARE, TRIP_SHARE = 0.9, 1.5
 fault: a control loop that runs away ends here."""
 
 
-class MotionLimits(Record):
-    """Where limit avoidance begins, and what a loop that runs away is known by."""
-
-    near_lower: Joints  # rad; the joints' stops less the margin
-    near_upper: Joints  # rad
-    margin: Real  # rad
-    velocity: Joints  # rad/s
-    speed_linear: Real  # m/s; of the pad
-    speed_angular: Real  # rad/s; of the pad
-    drive: EffortLimits  # what the effort limiter lets pass
-
-
 @part
-def pushed_joint(limits: MotionLimits, n: int, q: Array) -> int:
+def pushed_joint(limits: CommandLimits, n: int, q: Array) -> int:
     """Return the joint that is deepest in what its stops keep it from, -1 where none is; q (n,) [rad]."""
     pushed, deepest = -1, 0.0
     for j in range(n):
-        depth = max(limits.near_lower[j] - q[j], q[j] - limits.near_upper[j])
+        depth = limits.position_margin - min(q[j] - limits.lower[j], limits.upper[j] - q[j])
         if depth > deepest:
             pushed, deepest = j, depth
     return pushed
 
 
 @part
-def most_brake(drive: EffortLimits, speed: float, inertia: float) -> float:
+def most_brake(limits: CommandLimits, speed: float, inertia: float) -> float:
     """Return the largest torque that brakes a joint and does not turn it round [N m]; [rad/s], [kg m2].
 
     What brakes now is at work for one more period and BRAKE_LAG_S, together T, and then for as long as the rate limit
     takes to bring it down to zero: tau T + tau^2 / (2 rate) = inertia * speed / 2. Half, because another joint may
     brake the same motion. With more a joint that is light for its motor is pushed to and fro without end.
     """
-    T = 1e-9 * drive.period_ns + BRAKE_LAG_S
-    return float(drive.rate * (math.sqrt(T * T + inertia * speed / drive.rate) - T))
+    T = 1e-9 * limits.period_ns + BRAKE_LAG_S
+    return float(limits.effort_rate * (math.sqrt(T * T + inertia * speed / limits.effort_rate) - T))
 
 
 @part
@@ -76,22 +63,23 @@ def felt_inertias(M: Array, n: int, felt: Array) -> None:
 
 
 @part
-def joint_repulsion(limits: MotionLimits, j: int, q: float, qd: float, inertia: float) -> float:
+def joint_repulsion(limits: CommandLimits, j: int, q: float, qd: float, inertia: float) -> float:
     """Return the torque of joint j away from its stops and against too high a velocity [N m].
 
     Grows from zero with the square of the depth, to the full effort at the stop, and in proportion from the braking
     velocity on, to the full effort at the velocity limit, or to `most_brake`: continuous, bounded, no gains to tune.
     """
     speed, from_speed = abs(qd), BRAKE_SHARE * limits.velocity[j]
-    low = min(max((limits.near_lower[j] - q) / limits.margin, 0.0), 1.0)
-    high = min(max((q - limits.near_upper[j]) / limits.margin, 0.0), 1.0)
+    margin = limits.position_margin
+    low = min(max((limits.lower[j] + margin - q) / margin, 0.0), 1.0)
+    high = min(max((q - (limits.upper[j] - margin)) / margin, 0.0), 1.0)
     share = min(max((speed - from_speed) / (limits.velocity[j] - from_speed), 0.0), 1.0)
-    brake = min(limits.drive.effort[j] * share, most_brake(limits.drive, speed, inertia))
-    return limits.drive.effort[j] * (low * low - high * high) - math.copysign(brake, qd)
+    brake = min(limits.effort[j] * share, most_brake(limits, speed, inertia))
+    return limits.effort[j] * (low * low - high * high) - math.copysign(brake, qd)
 
 
 @part
-def avoid_limits(limits: MotionLimits, n: int, q: Array, qd: Array, M: Array, torque: Array) -> None:
+def avoid_limits(limits: CommandLimits, n: int, q: Array, qd: Array, M: Array, torque: Array) -> None:
     """Add the torques of limit avoidance to `torque` (n,) [N m]; q, qd: (n,); M: inertia, zeros where unknown."""
     fast, felt = False, np.zeros(MAX_JOINTS)
     for j in range(n):
@@ -100,12 +88,3 @@ def avoid_limits(limits: MotionLimits, n: int, q: Array, qd: Array, M: Array, to
         felt_inertias(M, n, felt)
     for j in range(n):
         torque[j] = torque[j] + joint_repulsion(limits, j, q[j], qd[j], felt[j])
-
-
-@part
-def fast_joint(limits: MotionLimits, n: int, qd: Array) -> int:
-    """Return the first joint that is faster than braking should have allowed, -1 where none is; qd: (n,) [rad/s]."""
-    for j in range(n):
-        if abs(qd[j]) > TRIP_SHARE * limits.velocity[j]:
-            return j
-    return -1

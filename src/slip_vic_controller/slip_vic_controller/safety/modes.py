@@ -12,10 +12,11 @@ from __future__ import annotations
 from enum import IntEnum, unique
 
 from slip_core.compiled import part
-from slip_core.records import Record, Whole, dtype_of
+from slip_core.records import Record, Whole
 from slip_vic_controller.safety.conditions import (
     NOTHING,
     SEVERITIES,
+    ConditionsConfig,
     Prefix,
     Reason,
     Severity,
@@ -58,16 +59,6 @@ class Request(IntEnum):
     FAILED = 4  # the node itself requests FAULT: one of its callbacks has failed
 
 
-class ModePolicy(Record):
-    """When the law may begin."""
-
-    auto_enable: Whole  # see the parameters
-    resume_after_ns: Whole  # how long what spoke against the law must be gone
-
-
-MODE_POLICY = dtype_of(ModePolicy)
-
-
 class ModeState(Record):
     """The mode and its history."""
 
@@ -75,9 +66,6 @@ class ModeState(Record):
     enabled: Whole  # whether the law is wanted
     good_since_ns: Whole  # since when nothing speaks against the law, NEVER = something does
     reason: WhyRecord
-
-
-MODE = dtype_of(ModeState)
 
 
 @part
@@ -97,7 +85,7 @@ def holds_for(state: ModeState, reason: int, fault: int) -> bool:
 
 
 @part
-def next_mode(policy: ModePolicy, state: ModeState, why: Why, request: int, now_ns: int) -> None:
+def next_mode(config: ConditionsConfig, state: ModeState, why: Why, request: int, now_ns: int) -> None:
     """Go to the mode of this cycle; why: what speaks against the law, NOTHING where nothing does.
 
     A fault latches; a request to hold wins over one to continue; what inputs caused ends with its cause, what a user or
@@ -133,7 +121,7 @@ def next_mode(policy: ModePolicy, state: ModeState, why: Why, request: int, now_
     elif (
         state.mode == Mode.HOLD
         and request != Request.ENABLE
-        and (good_since == NEVER or now_ns - good_since < policy.resume_after_ns)
+        and (good_since == NEVER or now_ns - good_since < config.resume_after_ns)
     ):
         _go(state, Mode.HOLD, prefixed(before, Prefix.RESUMES_AFTER.value), True, good_since)
     elif severity == Severity.DEGRADED:

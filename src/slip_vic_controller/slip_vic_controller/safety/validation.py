@@ -17,19 +17,18 @@ from slip_core.cholesky import all_finite
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Records, Vec6, Whole, WholeArray, dtype_of
 from slip_core.vectors import spatial
+from slip_vic_controller.arm.plausibility import MOVES
 from slip_vic_controller.law.contact import StampedSlip
 from slip_vic_controller.safety.conditions import SAMPLE_FAULTS, Reason
 from slip_vic_controller.sizes import ROOM, Joints
 
 ACCEPT_AFTER = 5
 """Samples in a row that agree with each other after which a jump is a restart of the source."""
-FUTURE_S, CLOCK_JUMP_S = 0.05, 0.2
-"""By which a stamp may be ahead of the joint state's, and its step beyond the time that passed that is a jump [s]."""
-JUMP, SLACK, FASTEST = 0.05, 0.5, 50.0
-"""Of joint states: step of a position beyond what twice the velocities explain [rad], distance beyond a joint's stop
-[rad] and multiple of its velocity limit at which one is rejected."""
-ARM_MOVES = 0.02
-"""Speed of a joint that does not rest, with the noise of its sensor [rad/s]."""
+CLOCK_JUMP_S = 0.2
+"""Step of a joint state's stamp beyond the time that passed that is a jump [s]."""
+JUMP, SLACK = 0.05, 0.5
+"""Of joint states: step of a position beyond what twice the velocities explain, and distance beyond a joint's stop, or
+between two control periods by its velocity, at which one is rejected [rad]."""
 
 
 class VectorLimits(Record):
@@ -70,7 +69,7 @@ class JointLimits(Record):
 
     lower: Joints  # rad
     upper: Joints  # rad
-    fastest: Joints  # rad/s
+    fastest: Real  # rad/s
     jump: Real  # rad; a step that no velocity has to explain
     clock_jump_ns: Whole
     age_ns: Whole
@@ -117,12 +116,6 @@ def usable(fault: int) -> bool:
 
 
 @part
-def fine(fault: int) -> bool:
-    """Return whether an input with this fault counts as good."""
-    return bool(fault == Reason.NONE)
-
-
-@part
 def unanswered(fault: int) -> bool:
     """Return whether a joint state with this fault is dropped in real time."""
     return bool(fault == Reason.OUT_OF_ORDER or fault == Reason.CLOCK_JUMP)
@@ -141,24 +134,6 @@ def _same(a: Array, b: Array) -> bool:
 
 
 @part
-def classify_vector(
-    limits: VectorLimits, state: VectorInput, stamp_ns: int, values: Array, valid: bool, joint: JointInput,
-) -> int:  # fmt: skip
-    """Return the fault of a wrench or slip velocity (6,)."""
-    if state.known != 0 and stamp_ns <= state.stamp_ns:
-        return Reason.OUT_OF_ORDER.value
-    if joint.known != 0 and stamp_ns > joint.last.stamp_ns + limits.future_ns:
-        return Reason.FUTURE.value
-    if not valid:
-        return Reason.INVALID.value
-    if not all_finite(values):
-        return Reason.NOT_FINITE.value
-    v = spatial(values)
-    absurd = v.linear.norm() > limits.linear or v.angular.norm() > limits.angular
-    return Reason.ABSURD.value if absurd else Reason.NONE.value
-
-
-@part
 def receive_vector(
     limits: VectorLimits, state: VectorInput, stamp_ns: int, values: Array, valid: bool, refused: bool, now_ns: int,
     joint: JointInput,
@@ -174,15 +149,27 @@ def receive_vector(
         now_ns: arrival.
         joint: state of the joint state's input.
     """
-    fault = Reason.REFUSED.value if refused else classify_vector(limits, state, stamp_ns, values, valid, joint)
-    if fine(fault):
+    fault, v = Reason.NONE.value, spatial(values)
+    if refused:
+        fault = Reason.REFUSED.value
+    elif state.known != 0 and stamp_ns <= state.stamp_ns:
+        fault = Reason.OUT_OF_ORDER.value
+    elif joint.known != 0 and stamp_ns > joint.last.stamp_ns + limits.future_ns:
+        fault = Reason.FUTURE.value
+    elif not valid:
+        fault = Reason.INVALID.value
+    elif not all_finite(values):
+        fault = Reason.NOT_FINITE.value
+    elif v.linear.norm() > limits.linear or v.angular.norm() > limits.angular:
+        fault = Reason.ABSURD.value
+    if fault == Reason.NONE:
         if state.known == 0 or not _same(values, state.values):
             state.equal_since_ns = stamp_ns
         state.seen, state.known, state.stamp_ns, state.arrival_ns = 1, 1, stamp_ns, now_ns
         state.values[:] = values
     else:
         state.counts[fault] += 1
-    state.fault, state.fault_ns, state.bad = fault, now_ns, 0 if fine(fault) else state.bad + 1
+    state.fault, state.fault_ns, state.bad = fault, now_ns, 0 if fault == Reason.NONE else state.bad + 1
     return int(fault)
 
 
@@ -218,7 +205,7 @@ def vector_validity(limits: VectorLimits, state: VectorInput, now_ns: int, joint
         return Reason.FUTURE.value
     if now_ns - state.arrival_ns > limits.age_ns:
         # Silent is only who says nothing: "absurdly large" tells a user of an object that has been lost.
-        recent = not fine(state.fault) and now_ns - state.fault_ns <= limits.age_ns
+        recent = state.fault != Reason.NONE and now_ns - state.fault_ns <= limits.age_ns
         return state.fault if recent else Reason.SILENT.value
     if joint_stamp_ns - state.stamp_ns > limits.age_ns:
         return Reason.STALE.value
@@ -227,13 +214,6 @@ def vector_validity(limits: VectorLimits, state: VectorInput, now_ns: int, joint
         if stays:
             return Reason.FROZEN.value
     return Reason.NONE.value
-
-
-@part
-def forget_repeats(wrenches: Records[VectorInput]) -> None:
-    """Count from now on for how long values have been equal: a user says that they are right."""
-    for k in range(len(wrenches)):
-        wrenches[k].equal_since_ns = wrenches[k].stamp_ns
 
 
 # -- joint state --------------------------------------------------------------------------------------
@@ -260,7 +240,7 @@ def classify_joints(
     coast_s, jumps = 2e-9 * min(passed_ns, limits.age_ns), False
     for j in range(q.shape[0]):
         speed = abs(qd[j])
-        if not (limits.lower[j] <= q[j] <= limits.upper[j] and speed <= limits.fastest[j]):
+        if not (limits.lower[j] <= q[j] <= limits.upper[j] and speed <= limits.fastest):
             return Reason.ABSURD.value
         explained = limits.jump + coast_s * max(speed, abs(before.velocity[j]))
         jumps = jumps or abs(q[j] - before.position[j]) > explained
@@ -290,7 +270,7 @@ def derive_velocities(limits: JointLimits, state: JointInput, stamp_ns: int, q: 
         return
     for j in range(q.shape[0]):
         shown = (q[j] - state.last.position[j]) / (1e-9 * (stamp_ns - state.stands_since_ns))
-        qd[j] = min(max(shown, -limits.fastest[j]), limits.fastest[j])
+        qd[j] = min(max(shown, -limits.fastest), limits.fastest)
 
 
 @part
@@ -326,7 +306,7 @@ def receive_joints(
         if state.agreeing > 0:
             again = classify_joints(limits, stamp_ns, q, qd, now_ns, state.candidate, state.candidate_ns, True)
         if again != Reason.OUT_OF_ORDER:  # twice or late: it neither agrees nor contradicts
-            state.agreeing = state.agreeing + 1 if fine(again) else 1
+            state.agreeing = state.agreeing + 1 if again == Reason.NONE else 1
             state.candidate_ns = now_ns
             _copy_sample(state.candidate, stamp_ns, q, qd, effort)
         if state.agreeing >= limits.accept_after:
@@ -345,7 +325,7 @@ def receive_joints(
             qd[:] = 0.0
         if not continues or not _same(q, last.position[:n]):
             state.stands_since_ns = stamp_ns
-        state.moves = 1 if speed > ARM_MOVES else 0
+        state.moves = 1 if speed > MOVES else 0
         _copy_sample(last, stamp_ns, q, qd, effort)
         state.known, state.arrival_ns, state.agreeing = 1, now_ns, 0
     return fault
@@ -375,12 +355,12 @@ def await_answer(state: JointInput, stamp_ns: int, q: Array, qd: Array, effort: 
 
 
 @part
-def silent(limits: JointLimits, state: JointInput, now_ns: int) -> bool:
-    """Return whether no good joint state has come for the age limit."""
-    return bool(state.known != 0 and now_ns - state.arrival_ns > limits.age_ns)
-
-
-@part
 def frozen(limits: JointLimits, state: JointInput, now_ns: int) -> bool:
     """Return whether the values have been equal to the last bit for longer than measured ones can while moving."""
     return bool(state.known != 0 and now_ns - state.equal_since_ns > limits.frozen_ns)
+
+
+@part
+def silent(limits: JointLimits, state: JointInput, now_ns: int) -> bool:
+    """Return whether no good joint state has come for the age limit."""
+    return bool(state.known != 0 and now_ns - state.arrival_ns > limits.age_ns)

@@ -50,7 +50,7 @@ if TYPE_CHECKING:  # the session over all arms makes this one, and each calls th
 _MODES = tuple(Mode)
 _UNANSWERED = tuple(unanswered(fault) for fault in range(SAMPLE_FAULTS))
 _ARM = place(INPUTS, "arm")
-_COMMANDED = [place(ARM_STATE, name) for name in ("mode", "limiter.effort", "motion.velocity")]
+_COMMANDED = [place(ARM_STATE, name) for name in ("mode", "sent.effort", "sent.velocity")]
 _RAMP = place(ARM_STATE, "law.ramp")
 _ANSWERS = [place(ARM_STATE, f"joint.answers.{name}").start for name in ("position", "velocity")]
 _CYCLES, _LAW_KNOWN = place(ARM_STATE, "cycles").start, place(ARM_STATE, "law.known").start
@@ -92,7 +92,7 @@ class ArmSession:
         self._lockstep = self.controller.lockstep
         self._joints = len(self.controller.robot.joint_names)
         self._answers = [self.row[first : first + self._joints] for first in _ANSWERS]
-        self._slip_delay_ns = int(record(self.config, CONFIG).cycle.slip_delay_ns)
+        self._slip_delay_ns = int(record(self.config, CONFIG).slip_delay_ns)
         self._has_wrench = self.controller.params.wrench.source == "sensor"
         self._estimates = bool(record(self.config, CONFIG).estimator.on)
         self._tared = 0

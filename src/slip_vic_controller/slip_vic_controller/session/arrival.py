@@ -9,7 +9,6 @@ from slip_vic_controller.arm.estimator import replace_sample, use_estimate
 from slip_vic_controller.safety.conditions import Reason
 from slip_vic_controller.safety.validation import (
     await_answer,
-    fine,
     queue_slip,
     rebase_vector,
     receive_joints,
@@ -72,8 +71,8 @@ def receive_slip(
     """
     c, s = record(config, CONFIG), record(state, ARM_STATE)
     fault = receive_vector(c.slip, s.slip_inputs[contact], stamp_ns, twist, valid, refused, now_ns, s.joint)
-    if contact == 0 and fine(fault):
-        queue_slip(s.queue, stamp_ns - c.cycle.slip_delay_ns, twist)
+    if contact == 0 and fault == Reason.NONE:
+        queue_slip(s.queue, stamp_ns - c.slip_delay_ns, twist)
     return fault
 
 

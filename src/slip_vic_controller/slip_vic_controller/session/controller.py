@@ -17,7 +17,7 @@ from slip_vic_controller.contact.config import capacity
 from slip_vic_controller.contact.layouts import ROW_SIZE
 from slip_vic_controller.law.gains import RAMP, gain_report, make_ramp
 from slip_vic_controller.params.controller_params import ControllerParams
-from slip_vic_controller.safety.conditions import Reason, forget_conditions
+from slip_vic_controller.safety.conditions import Missing, Reason, forget_conditions
 from slip_vic_controller.sizes import NEVER
 from slip_vic_controller.state import ARM_SIZE, ARM_STATE, CONFIG, OUTPUTS, TASK_SIZE, TASK_STATE, ArmState
 
@@ -80,8 +80,8 @@ class Controller:
         record(state[:TASK_SIZE], TASK_STATE).path.scale = 1.0
         rows: Records[ArmState] = records(state[TASK_SIZE : TASK_SIZE + n * ARM_SIZE], ARM_STATE)
         for row, arm in zip(rows, self.arms.values(), strict=True):
-            row.mode.enabled, row.mode.good_since_ns = record(arm.config, CONFIG).modes.auto_enable, NEVER
-            row.mode.reason.reason = Reason.NO_INPUT_YET
+            row.mode.enabled, row.mode.good_since_ns = record(arm.config, CONFIG).conditions.auto_enable, NEVER
+            row.mode.reason.reason, row.mode.reason.which = Reason.WAITS, Missing.JOINT_STATES
             forget_conditions(row.conditions)
             for slip in row.law.slips:
                 slip.rotation[:] = np.eye(3)

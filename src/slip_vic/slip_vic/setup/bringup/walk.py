@@ -20,7 +20,6 @@ from slip_vic.setup.bringup.heard import Heard, Status, Track, joined
 from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.interfaces import WRENCH_SENSOR, fill_wrench_sensor, wrench_at_pad
 from slip_vic_controller.law.arm import ARM
-from slip_vic_controller.safety.validation import FUTURE_S
 
 if TYPE_CHECKING:
     from slip_vic.setup.bringup.ros_system import RosSystem
@@ -127,10 +126,10 @@ class Walk:
         heard = system.listen(LISTENED_S)
         inputs, hz = params.safety.inputs, 1.0 / params.control_period_s
         bounds = (1.0 - RATE_SLACK) * hz, (1.0 + RATE_SLACK) * hz
-        yield stream("joint_states", heard.joints, *bounds, inputs.age_s)
+        yield stream("joint_states", heard.joints, *bounds, inputs.age_s, inputs.age_s)
         if self._has_wrench:
-            yield stream("wrench", heard.wrench, 2.0 / inputs.age_s, math.inf, inputs.age_s)
-        yield stream("slip", heard.slip, 2.0 / inputs.slip_age_s, math.inf, inputs.slip_age_s)
+            yield stream("wrench", heard.wrench, 2.0 / inputs.age_s, math.inf, inputs.age_s, inputs.age_s)
+        yield stream("slip", heard.slip, 2.0 / inputs.slip_age_s, math.inf, inputs.slip_age_s, inputs.age_s)
         yield self._rest(heard)
         if self._has_wrench:
             yield self._weighed(heard)
@@ -444,13 +443,13 @@ class Walk:
         return joined(heard)
 
 
-def stream(name: str, track: Track, least_hz: float, most_hz: float, oldest_s: float) -> Verdict:
+def stream(name: str, track: Track, least_hz: float, most_hz: float, oldest_s: float, ahead_s: float) -> Verdict:
     """Judge rate, order and age of the messages of a topic at rest.
 
-    oldest_s: largest age at arrival, against the newest joint stamp.
+    oldest_s, ahead_s: largest age at arrival, against the newest joint stamp, and most by which it may be ahead.
     """
     rates = f"at least {least_hz:.0f}" if math.isinf(most_hz) else f"{least_hz:.0f} to {most_hz:.0f}"
-    expected = f"{rates} Hz, stamps in order, {-1e3 * FUTURE_S:.0f} to {1e3 * oldest_s:.0f} ms old"
+    expected = f"{rates} Hz, stamps in order, {-1e3 * ahead_s:.0f} to {1e3 * oldest_s:.0f} ms old"
     if len(track.stamp) < 3:
         missing = "start the driver, or remap its topic in the controller; compare the QoS"
         return Verdict(name, f"{len(track.stamp)} messages", expected, missing)
@@ -463,7 +462,7 @@ def stream(name: str, track: Track, least_hz: float, most_hz: float, oldest_s: f
         (not track.stamp.any(), "let the driver stamp what it measures: all stamps are zero"),
         (back > 0, "two drivers, or one that stamps late?"),
         (not np.median(age) < oldest_s, "synchronise the clocks (chrony, ptp), or look for what delays it"),
-        (not np.median(age) > -FUTURE_S, "its clock is ahead of the joint states': synchronise them (chrony, ptp)"),
+        (not np.median(age) > -ahead_s, "its clock is ahead of the joint states': synchronise them (chrony, ptp)"),
         (not least_hz <= hz, "raise the driver's rate, or set control_period_s or safety.inputs to it"),
         (not hz <= most_hz, "set control_period_s to the driver's rate"),
     )
