@@ -58,6 +58,7 @@ class Table:
         (Reason.WRENCH_SLOWS, Reason.SLIP_PREDICTED),  # it is predicted from the wrench
         (Reason.SLIP_SLOWS, Reason.SLIP_PREDICTED),  # the same, and for longer
         (Reason.STOPPING, Reason.SATURATED),
+        (Reason.RANGE_END, Reason.NOT_FOLLOWING),  # for that joint
         (Reason.READS_NOTHING, Reason.OVERRUNS),
         (Reason.RANGE_END, Reason.OVERRUNS),  # it keeps the pad from its path, not friction
         (Reason.RANGE_END, Reason.PATH_WAITS),

@@ -1,19 +1,25 @@
-"""What the law commands: the desired motion, and the evaluation of the law."""
+"""What the law commands: the desired motion, the evaluation of the law, and whether the arm follows."""
 
 from __future__ import annotations
 
+import numpy as np
+
 from slip_core.cholesky import all_finite
 from slip_core.compiled import part
+from slip_vic_controller.arm.command import Interface
 from slip_vic_controller.cycle.contact import held
 from slip_vic_controller.cycle.governing import follow_goal, governed_reference, guard
 from slip_vic_controller.cycle.holding import fail, keep_joints
 from slip_vic_controller.cycle.limit import finish
+from slip_vic_controller.cycle.sensing import put_twist_of_joints
+from slip_vic_controller.cycle.wrench import put_own_wrench
 from slip_vic_controller.governor.plan import Governing
 from slip_vic_controller.law.law import evaluate, finite_pose, scale_acceleration
 from slip_vic_controller.path.path_scaling import scaled
 from slip_vic_controller.path.paths import carried, put_reference, read_reference, reference_at
-from slip_vic_controller.safety.conditions import Reason
+from slip_vic_controller.safety.conditions import NOTHING, Reason, because, see
 from slip_vic_controller.safety.drop_detection import observe_motion
+from slip_vic_controller.safety.following import rests_far_off, what_keeps
 from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs, CycleOutputs, TaskState
 
 
@@ -41,6 +47,7 @@ def follow(
     keep_joints(config, state, inputs)
     outputs.wanted[:n] = law.effort[:n]
     observe_motion(config.drop, axes, state.observed, inputs.arm, law, outputs.reference, dt_ns * 1e-9)
+    _watch_following(config, state, inputs, outputs)
     finish(config, state, inputs, outputs, q, qd, True)
 
 
@@ -72,3 +79,18 @@ def _reference(config: ControllerConfig, task: TaskState, state: ArmState, outpu
         task.desired = outputs.reference
     finite = all_finite(outputs.reference.twist) and all_finite(outputs.reference.acceleration)
     return finite and finite_pose(outputs.reference.position, outputs.reference.rotation)
+
+
+@part
+def _watch_following(config: ControllerConfig, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs) -> None:
+    """Look whether the arm moves as commanded; its velocity of now is not that of the commands under way."""
+    twist, why = inputs.arm.twist.copy(), NOTHING
+    if config.command.interface != Interface.EFFORT:
+        put_twist_of_joints(config, state, inputs, twist)
+    if rests_far_off(outputs.law, twist):
+        h, n, effort = np.empty(6), config.law.joints, state.sent.effort
+        put_own_wrench(config, state, inputs, h)
+        commanded = state.sent.velocity  # zeros with drives that take efforts
+        why = what_keeps(n, inputs.arm, outputs.law, h, effort, commanded)
+    kept = why.reason != Reason.NONE
+    see(state.conditions, why if kept else because(Reason.NOT_FOLLOWING.value, 0), kept, inputs.now_ns)

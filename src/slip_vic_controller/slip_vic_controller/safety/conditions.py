@@ -36,6 +36,7 @@ _JOINT = (
 )
 _RUNAWAY = "A wrong sign or frame of the wrench, or gains too high for a delay? Then `~/reset_fault`."
 _MODEL = "Clear the arm; check `object.mass`, the URDF's masses, `effort.gravity`, offsets; then `~/reset_fault`."
+_BRAKE = "Release its brake, clear the arm, or raise `disturbance.limit`: friction is above the effort."
 _BIAS = "Zero the named sensor, or fix it; then `~/tare`. Where the bias is its own, raise `tare.*`."
 _RANGE = "The path takes the joint farther than it goes: start in another posture (`slip-vic arm FILE` finds one)."
 _SLIP_SENSOR = (
@@ -154,6 +155,8 @@ class Reason(IntEnum):
     STOPPING = 61, "hold requested: coming to rest first", "Wait: it comes to rest along the path first.", _DEGRADED
     SATURATED = 62, "efforts saturated", "A slower path, the governor, `safety.limits.effort_rate`.", _DEGRADED, 0.1
     RANGE_END = 65, "{joint} is at the end of its range, at {value:.2f} rad, off its path", _RANGE, _DEGRADED
+    # which: joint; limit: how far the pad is off its reference [m], or [rad] where only the attitude is far
+    NOT_FOLLOWING = 66, "{joint} does not follow: {value:.2f} N m do not move it", _BRAKE, _DEGRADED, 1.0
     # value: load that the motion needs, limit: that is measured [N]
     READS_NOTHING = (
         67,
