@@ -151,8 +151,15 @@ def put_twist_now(config: ControllerConfig, state: ArmState, inputs: CycleInputs
 
     So is its Jacobian: what that changes on the way there is taken off.
     """
+    put_twist_of_joints(config, state, inputs, twist)
+    for i in range(6):
+        twist[i] -= config.drive_lag_s * inputs.arm.jdot_qd[i]
+
+
+@part
+def put_twist_of_joints(config: ControllerConfig, state: ArmState, inputs: CycleInputs, twist: Array) -> None:
+    """Write the twist (6,) {w} that the joints' velocities of now give the pad: zero where none moves."""
     for i in range(6):
         twist[i] = 0.0
         for j in range(config.law.joints):
             twist[i] += inputs.arm.J[i, j] * state.estimate.velocity[j]
-        twist[i] -= config.drive_lag_s * inputs.arm.jdot_qd[i]
