@@ -18,7 +18,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from slip_core.errors import InputError, UnknownName
-from slip_core.files.plain_yaml import read_yaml
+from slip_core.files.plain_yaml import Doubtful, read_yaml
 from slip_core.files.resources import read_text
 
 Model = TypeVar("Model", bound="ParameterModel")
@@ -209,7 +209,8 @@ def validate(model: type[Model], nested: Mapping[str, object], origin: str) -> M
             raise UnknownName("name", name, model.model_fields, where=origin) from None
         if first["type"] == "value_error":
             raise InputError(f"{origin}: parameter {name}", got=message, expected="consistent values") from None
-        raise InputError(f"{origin}: parameter {name}", got=first["input"], expected=_expected(message)) from None
+        line = f", line {first['input'].line}" if isinstance(first["input"], Doubtful) else ""
+        raise InputError(f"{origin}{line}: parameter {name}", got=first["input"], expected=_expected(message)) from None
 
 
 def _expected(message: str) -> str:
@@ -252,9 +253,10 @@ def parse_assignment(text: str) -> tuple[str, Any]:
     if not sign or not key.strip():
         raise InputError("--set", got=text, expected="key=value, e.g. controller.gains.k_s=500")
     try:
-        return key.strip(), read_yaml(value)
+        read = read_yaml(value)
     except yaml.YAMLError:
         raise InputError(f"--set {key}", got=value, expected="a YAML value: a number, a word, or [a, b, c]") from None
+    return key.strip(), str(read) if isinstance(read, Doubtful) else read  # there are no lines
 
 
 def load_yaml(path: Path) -> dict[str, Any]:

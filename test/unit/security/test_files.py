@@ -105,6 +105,14 @@ def test_what_is_no_number_is_refused_as_a_mass(text: str) -> None:
         build(Mismatch, dict([parse_assignment(f"mass={text}")]), "here")
 
 
+@pytest.mark.parametrize("text", ["yes", "1:30"])
+def test_what_is_no_number_is_refused_with_its_line(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "scenario.yaml"
+    path.write_text(f"# a comment\nfriction: 0.5\nmass: {text}\n")
+    with pytest.raises(InputError, match=f"scenario.yaml, line 3: parameter mass: got '?{text}"):
+        build(Mismatch, load_yaml(path), f"file {path}")
+
+
 def test_plain_scalars_are_what_both_versions_of_yaml_agree_on() -> None:
     read = read_yaml("[1, -1.5e+3, 0x1f, .5, .inf, true, ~, yes, 1:30, 010, 1_0, 2026-11-29]")
     assert read == [1, -1500.0, 31, 0.5, float("inf"), True, None, "yes", "1:30", "010", "1_0", "2026-11-29"]
@@ -127,7 +135,7 @@ READERS: dict[str, Callable[[Path], object]] = {
     "sensor.yaml": lambda path: load_scenario("paper_planar", sensor=str(path)),
     "arm.urdf": lambda path: read_urdf(str(path), "URDF"),
     "arm.urdf.xacro": lambda path: read_urdf(str(path), "URDF"),
-    "path.csv": read_points,
+    "path.csv": lambda path: read_points(path, ()),
     "run.mcap": Bag,
     "rows.csv": read_rows,
     "rows.json": read_json,

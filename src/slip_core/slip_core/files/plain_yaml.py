@@ -47,6 +47,26 @@ for _tag, _pattern, _first in (
     _Loader.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(f"(?:{_pattern})$"), list(_first))
 
 
+class Doubtful(str):
+    """A plain scalar that only YAML 1.1 takes for a number or a truth: text that knows its line."""
+
+    __slots__ = ("line",)
+    line: int
+
+
+def _text(loader: _Loader, node: yaml.ScalarNode) -> str:
+    text: str = loader.construct_scalar(node)
+    if node.style or not _DOUBTFUL.match(text):  # quoted text is no mistake
+        return text
+    found = Doubtful(text)
+    found.line = node.start_mark.line + 1
+    return found
+
+
+_DOUBTFUL = re.compile(r"[-+.]?[0-9]|(?i:y|yes|n|no|on|off)$")
+_Loader.add_constructor("tag:yaml.org,2002:str", _text)
+
+
 def read_yaml(text: str) -> Any:
     """Return what a YAML text says, as plain values only.
 
