@@ -80,10 +80,10 @@ def test_all_pads_have_the_weakest_friction() -> None:
     config, a, b, both = records_of(FRICTION_CONFIG, CONTACT_ESTIMATE, CONTACT_ESTIMATE, CONTACT_ESTIMATE)
     config.friction, config.quiet_ns, config.sensor_delay_ns = Friction.LEARNT, 50, 10
     for pad in (a, both):
-        pad.F_median, pad.carried, pad.first = 1.0, 0.5, 1.0
-    b.F_median, b.slipped_at, b.carried, b.first, b.slipping, b.slip_ns = 0.7, 0.74, 0.6, 1.0, 1, 100
+        pad.F_lo, pad.F_median, pad.carried, pad.first = 1.0, 1.0, 0.5, 1.0
+    b.F_lo, b.F_median, b.slipped_at, b.carried, b.first, b.slipping, b.slip_ns = 0.66, 0.7, 0.74, 0.6, 1.0, 1, 100
     take_weaker(both, b)
     share_friction(config, a, both, 159)
-    assert (a.F_lo, a.slipped_at, a.carried, a.slipping) == (0.7, 0.74, 0.5, 1)
+    assert (a.F_lo, a.F_median, a.slipped_at, a.carried, a.slipping) == (0.66, 0.7, 0.74, 0.5, 1)
     share_friction(config, both, both, 160)
     assert both.slipping == 0
