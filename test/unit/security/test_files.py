@@ -113,6 +113,12 @@ def test_what_is_no_number_is_refused_with_its_line(text: str, tmp_path: Path) -
         build(Mismatch, load_yaml(path), f"file {path}")
 
 
+@pytest.mark.parametrize("dumper", [yaml.SafeDumper, getattr(yaml, "CSafeDumper", yaml.SafeDumper)])
+def test_text_that_knows_its_line_is_written_as_text(dumper: type) -> None:
+    read = read_yaml("file: 7dof.urdf\nname: on\n")
+    assert yaml.load(yaml.dump(read, Dumper=dumper), Loader=yaml.SafeLoader) == {"file": "7dof.urdf", "name": "on"}
+
+
 def test_plain_scalars_are_what_both_versions_of_yaml_agree_on() -> None:
     read = read_yaml("[1, -1.5e+3, 0x1f, .5, .inf, true, ~, yes, 1:30, 010, 1_0, 2026-11-29]")
     assert read == [1, -1500.0, 31, 0.5, float("inf"), True, None, "yes", "1:30", "010", "1_0", "2026-11-29"]
