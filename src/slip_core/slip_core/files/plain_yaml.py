@@ -65,7 +65,7 @@ def _text(loader: _Loader, node: yaml.ScalarNode) -> str:
 
 _DOUBTFUL = re.compile(r"[-+.]?[0-9]|(?i:y|yes|n|no|on|off)$")
 _Loader.add_constructor("tag:yaml.org,2002:str", _text)
-yaml.representer.SafeRepresenter.add_representer(Doubtful, yaml.representer.SafeRepresenter.represent_str)
+yaml.representer.SafeRepresenter.add_representer(Doubtful, lambda dumper, text: dumper.represent_str(str(text)))
 
 
 def read_yaml(text: str) -> Any:
