@@ -209,8 +209,9 @@ def validate(model: type[Model], nested: Mapping[str, object], origin: str) -> M
             raise UnknownName("name", name, model.model_fields, where=origin) from None
         if first["type"] == "value_error":
             raise InputError(f"{origin}: parameter {name}", got=message, expected="consistent values") from None
-        line = f", line {first['input'].line}" if isinstance(first["input"], Doubtful) else ""
-        raise InputError(f"{origin}{line}: parameter {name}", got=first["input"], expected=_expected(message)) from None
+        read = first["input"]
+        where = f"{origin}, line {read.line}" if isinstance(read, Doubtful) else origin
+        raise InputError(f"{where}: parameter {name}", got=read, expected=_expected(message)) from None
 
 
 def _expected(message: str) -> str:
