@@ -122,7 +122,7 @@ def run(
 
 
 def result_lines(result: RunResult) -> Iterator[str]:
-    """Yield what is said of a run over DDS at its end: its time, and where it could not be judged."""
+    """Yield the last lines of a run over DDS: its time, and where it could not be judged."""
     yield (
         f"{result.ticks} ticks, {result.sim_time_s:.3f} s simulated in {result.wall_time_s:.2f} s "
         f"({result.real_time_factor:.2f} x real time)"

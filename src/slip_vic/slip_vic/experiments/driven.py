@@ -128,7 +128,7 @@ def _guarded(law: Law, method: str, argument: object) -> object:
 
 
 def _setup(scenario: Scenario, config: ControllerConfig, most_grip: float, tick: Tick) -> Setup:
-    """Return what the law is told at the first tick; config: of the first arm."""
+    """Return what the law is given at the first tick; config: of the first arm."""
     params, start = next(iter(scenario.controllers.values())), tick.result.arm
     position, rotation = np.array(start.position), np.array(start.rotation)
     path, start_s = config.path, params.trajectory.start_s

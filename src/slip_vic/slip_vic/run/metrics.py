@@ -87,7 +87,7 @@ def arrival_s(run: ArmData) -> float:
 
 
 def _at_work(run: ArmData) -> tuple[Array, Array, Array]:
-    """Return times (N,) [s], pose of the pad and of its reference (N, 6) wherever the law was at work."""
+    """Return times (N,) [s], pose of the pad and of its reference (N, 6) wherever the law commanded the arm."""
     position, desired = run.law_six("position"), run.law_six("desired")
     known = np.isfinite(np.hstack((position, desired))).all(axis=1)
     return run.channel("law").times[known], position[known], desired[known]

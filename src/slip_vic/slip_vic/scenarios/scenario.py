@@ -275,9 +275,7 @@ def load_scenario(
             node["mode"] = mode
             if urdf is not None:
                 node["robot_description_file"] = str(urdf)
-        own["controller"] |= law_settings(law, len(values))
-        if law == "governed" and len(values) > 1:
-            own["controller"] |= stiffened(own["controller"])
+        own["controller"] |= law_settings(law, len(values), own["controller"])
         if mode == "realtime":
             own["controller"] |= BOUNDED
         if sensor:
@@ -295,15 +293,15 @@ def load_scenario(
     return _made(outer, text, law, values, build(Mismatch, mismatch, f"{origin}: mismatch"), origin)
 
 
-def law_settings(law: Law, arms: int) -> dict[str, Any]:
-    """Return what a law sets in the controller of each of so many arms."""
+def law_settings(law: Law, arms: int, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a law sets in the controller of each of so many arms, which is otherwise as `given`."""
     if law not in LAWS:
         raise UnknownName("law", law, LAWS)
     settings: dict[str, Any] = {"controller": "classical" if law == "classical" else "vic"}
     if law in OWN_WRENCH and arms > 1:
         settings["gains.kappa"] = 0.0
     if law == "governed":
-        settings |= GOVERNED
+        settings |= GOVERNED | (stiffened(given) if arms > 1 else {})
     return settings
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
-from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -32,7 +30,7 @@ def export(*, choice: Choice, cpu: str, out: Path) -> None:
     """
     from slip_native import library
     from slip_native.header import header
-    from slip_vic.scenarios.parameter_files import check_writable
+    from slip_vic.scenarios.parameter_files import check_writable, write_files
     from slip_vic.scenarios.scenario import load_scenario
 
     loaded = load_scenario(**choice)
@@ -40,13 +38,10 @@ def export(*, choice: Choice, cpu: str, out: Path) -> None:
         expected = "velocity or flag: the library takes slip velocities"
         raise InputError("slip_input", got="displacement", expected=expected)
     check_writable(out / "slip_vic.h")
-    out.mkdir(parents=True, exist_ok=True)
     click.echo("compiling the cycle for C, about a minute", err=True)
     library.build(out, cpu)
-    (out / "slip_vic.h").write_text(header())
-    for name in ("example.c", "CMakeLists.txt"):
-        with resources.as_file(library.SOURCES / name) as source:
-            shutil.copyfile(source, out / name)
+    sources = {name: (library.SOURCES / name).read_text(encoding="utf-8") for name in ("example.c", "CMakeLists.txt")}
+    write_files(out, {"slip_vic.h": header(), **sources})
     write_run(loaded, out)
     click.echo(f"{out}: libslip_vic.so, libslip_vic.a, slip_vic.h, controller.bin, state.bin, run.bin, example.c")
     click.echo(f"next: cmake -S {out} -B {out}/build && cmake --build {out}/build && {out}/build/example {out}/run.bin")
@@ -61,10 +56,11 @@ def write_run(scenario: Scenario, folder: Path) -> None:
     from slip_vic.run.in_process import ClosedLoop, run_in_process
 
     loop = ClosedLoop(scenario)
-    config, first, known, ticks = loop.session.config, loop.session.buffer.copy(), False, []
+    config, first, given, ticks = loop.session.config, loop.session.buffer.copy(), None, []
     for tick in run_in_process(scenario, loop):
-        ticks.append(np.concatenate([_whole(not known), *([] if known else [config]), *_tick(loop, tick)]))
-        known, config = config is loop.session.config, loop.session.config
+        changed = [] if config is given else [config]
+        ticks.append(np.concatenate([_whole(len(changed)), *changed, *_tick(loop, tick)]))
+        given, config = config, loop.session.config  # a tare has changed it for the next tick
     controller = loop.session.controller
     head = _whole(len(loop.session.arms), controller.rows, len(ticks), len(first))
     controller.config.tofile(folder / "controller.bin")

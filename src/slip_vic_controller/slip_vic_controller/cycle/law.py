@@ -90,7 +90,7 @@ def _watch_following(config: ControllerConfig, state: ArmState, inputs: CycleInp
     if rests_far_off(outputs.law, twist):
         h, n, effort = np.empty(6), config.law.joints, state.sent.effort
         put_own_wrench(config, state, inputs, h)
-        commanded = state.sent.velocity  # zeros with drives that take efforts
+        commanded = state.sent.velocity  # zeros where efforts are commanded
         why = what_keeps(n, inputs.arm, outputs.law, h, effort, commanded)
     kept = why.reason != Reason.NONE
     see(state.conditions, why if kept else because(Reason.NOT_FOLLOWING.value, 0), kept, inputs.now_ns)

@@ -141,7 +141,7 @@ def drop_passed(stream: Stream, time: float) -> None:
 def plan_stream(stream: Stream, F: float, reserve: float, preview_s: float) -> None:
     """Find how fast each point may be passed, where that has changed.
 
-    As far as a stream is followed later, `preview_s` [s], its path goes on after the last sample as fast as its speed
+    As far as a stream is followed later, `preview_s` [s], its path continues after the last sample as fast as its speed
     limits admit. F, reserve: as in `backward_pass`.
     """
     if abs(F - stream.load) <= REPLAN * stream.load:
