@@ -11,7 +11,7 @@ from slip_vic_controller.governor import governor
 from slip_vic_controller.governor.guard import BRAKES
 from slip_vic_controller.governor.plan import path_time
 from slip_vic_controller.governor.step import OVER, Limit
-from test.referees.governor_bench import PAPER, PAPER_PLANAR, VERTICAL, Friction, Governing, Governor
+from test.referees.governor_bench import PAPER, PAPER_PLANAR, VERTICAL, Friction, Governing, Governor, scene
 from test.referees.governor_paths import BentPath
 from test.support.call import call
 
@@ -209,6 +209,26 @@ def test_catching_up_uses_carried_load() -> None:
         most = max(most, asked)
     assert G.state.arrived == 1
     assert most > carried
+
+
+SUCKED = {"bluenb": (0.551, 4.38), "westone": (0.204, 5.40), "kindlebox": (0.210, 5.38), "carton": (0.347, 4.98)}
+"""Mass [kg] and friction [N] of 20 N suction from above at 0.3 (H. Pham and Q.-C. Pham, rapid-transport exp2, 2019)."""
+CARRIED = {"bottle": 0.26, "cup": 0.28, "die": 0.54, "block": 0.30, "box": 0.2}
+"""Friction coefficients of objects on a level tray (A. Heins and A. P. Schoellig, upright, 2023)."""
+
+
+@pytest.mark.parametrize(
+    ("mass", "force", "way"),
+    [(*of, 0.784) for of in SUCKED.values()] + [(1.0, 9.81 * mu, 2.236) for mu in CARRIED.values()],
+    ids=[*SUCKED, *CARRIED],
+)
+def test_straight_paths_of_others_near_their_bounds(mass: float, force: float, way: float) -> None:
+    """From rest to rest friction alone takes at least 2 sqrt(way m / F): full acceleration, then full braking."""
+    case = scene(mass, 1e-3, (0.0, 0.0), force, 0.03, (0.0, 0.0), (way, 0.0, 0.0), 2.0)
+    G = Governor(BentPath(case.way, case.duration), case, margin=1.0, mode=Governing.TIME_OPTIMAL).plan()
+    over, cycles = travel(G)
+    assert 1.0 <= cycles * DT / (2.0 * np.sqrt(way * mass / force)) < 1.15
+    assert over <= 1.0 + ROUNDING
 
 
 def test_even_bound_brakes_evenly() -> None:
