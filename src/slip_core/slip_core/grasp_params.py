@@ -18,7 +18,7 @@ Three = tuple[float, float, float]
 
 QUATERNION_TOLERANCE = 1e-3
 """How far a quaternion's norm may be from 1: typed with four digits it is still accepted, and normalised."""
-LARGEST = 2.0
+LARGEST = 1.0
 """Of a contact's distance from the centre of mass [m]: farther away a number is a mistake of its unit."""
 
 

@@ -82,6 +82,16 @@ def test_gains_that_were_changed_before_the_law_begins_are_ramped_to() -> None:
     assert all(b >= a for a, b in itertools.pairwise(stiffness))
 
 
+def test_a_contact_moves_no_faster_than_the_pad_may() -> None:
+    session = new_session()
+    step(session, 0)
+    session.retune(params(contacts__position=(0.92, 0.0, 0.0)))
+    first, *rest = (step(session, k).record.gains.contact_position[0] for k in range(1, 500))
+    speed = np.diff([first, *rest]).max() / 1e-3
+    assert rest[-1] == pytest.approx(0.92)
+    assert speed == pytest.approx(params().safety.limits.speed_linear, rel=1e-6)
+
+
 def test_hold_uses_mass_inertia_and_contact_position_of_a_live_change() -> None:
     """Its torque is that of a controller that was started with the new values; before, it kept those of the start."""
     new = {

@@ -208,7 +208,10 @@ class ArmSession:
 
     def ramp_to(self, params: ControllerParams, target: Array) -> None:
         """Let gains and payload ramp to those of `params`, whose LAW_GAINS is `target`."""
-        least_s, law = params.gains.ramp_s, self.state.law
+        law = self.state.law
+        moved = np.subtract(params.contacts.position[:3], self.tuned.contacts.position[:3])
+        # The object seems to move as its contact is shifted, and the law follows it.
+        least_s = max(params.gains.ramp_s, float(np.linalg.norm(moved)) / params.safety.limits.speed_linear)
         if params.object != self.tuned.object:
             self.state.tare.mass_share = 0.0  # what a user gives counts
         self.state.tuned = make_ramp(self.controller.gains, target, 0, least_s).view(RAMP)[0]
