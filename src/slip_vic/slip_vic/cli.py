@@ -15,7 +15,7 @@ import click
 from slip_bags.cli import bag, run_command
 from slip_core.errors import InputError
 from slip_vic import __version__
-from slip_vic.experiments.cli import benchmark, check, merge, study, tune
+from slip_vic.experiments.cli import benchmark, check, study, tune
 from slip_vic.options import DOMAIN_ID, IN_PROCESS, SCENARIOS, Choice, choosing, end_with, out_option
 from slip_vic.page import require_page
 from slip_vic.page.cli import report, watch
@@ -196,7 +196,7 @@ def params(scenarios: tuple[str, ...], out: Path, reference: bool) -> None:
 
 
 bag.add_command(verify)
-for _command in (arm, bag, benchmark, bringup, check, export, identify, merge, report, retime, study, tune, watch):
+for _command in (arm, bag, benchmark, bringup, check, export, identify, report, retime, study, tune, watch):
     cli.add_command(_command)
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from slip_vic.experiments.cli import JOBS, SHARD
+from slip_vic.experiments.cli import JOBS
 from slip_vic.options import end_with, names
 
 
@@ -19,11 +19,10 @@ def frozen() -> None:
 @click.option("--set", "prefix", default="", help="sets whose names begin so, e.g. one_arm_20261201; default all four")
 @click.option("--law", "laws", default="classical,vic,governed,governed_follow", show_default=True)
 @JOBS
-@SHARD
 @click.option(
     "-o", "--out", type=click.Path(path_type=Path), required=True, help="CSV file; one that has rows continues"
 )
-def run(*, prefix: str, laws: str, jobs: int, part: slice, out: Path) -> None:
+def run(*, prefix: str, laws: str, jobs: int, out: Path) -> None:
     """Run the frozen worlds under laws of the controller."""
     from slip_core.errors import UnknownName
     from slip_vic.experiments.engines import open_engine
@@ -35,14 +34,14 @@ def run(*, prefix: str, laws: str, jobs: int, part: slice, out: Path) -> None:
         if law not in OWN_LAWS:
             raise UnknownName("law", law, OWN_LAWS)
     with open_engine("pool", jobs) as workers:
-        rows, there = fill(out, "frozen", under_laws(worlds_of(prefix)[part], names(laws)), workers)
+        rows, there = fill(out, "frozen", under_laws(worlds_of(prefix), names(laws)), workers)
     click.echo(f"{there} of {len(rows)} runs were there already; {out}")
 
 
 @frozen.command()
 @click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path, exists=True))
 def compare(files: tuple[Path, ...]) -> None:
-    """Compare the rows of FILES (shards too) with the frozen ones; exit code 1 where a law does worse."""
+    """Compare the rows of FILES with the frozen ones; exit code 1 where a law does worse."""
     from slip_vic.experiments.rows import read_rows
     from test.campaigns.frozen.compare import compare as compared
     from test.campaigns.frozen.compare import table_of, verdict

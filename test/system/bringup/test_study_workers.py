@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
 import importlib
-import itertools
 import multiprocessing.util
 import os
 import re
@@ -155,28 +153,6 @@ def test_workers_end_with_a_client_that_is_killed(tmp_path: Path) -> None:
 
 def table_of(folder: Path) -> str:
     return (folder / FILE).read_text()
-
-
-def test_rows_are_the_same_whatever_kills_orders_or_parts_a_study(tmp_path: Path) -> None:
-    arguments = ["study", *SIX, "--set", "bridge.duration_s=0.3"]  # vision_25 has its first sample by then
-
-    def study(folder: str, *more: str) -> str:
-        ran = CliRunner().invoke(cli, [*arguments, "--out", str(tmp_path / folder), *more], catch_exceptions=False)
-        assert ran.exit_code == 0, ran.output
-        return ran.output
-
-    study("two", "--jobs", "2")
-    study("one", "--jobs", "1", "--shard", "1/2")
-    study("other", "--jobs", "2", "--shard", "2/2")
-    whole = ["merge", str(tmp_path / "one"), str(tmp_path / "other"), "--out", str(tmp_path / "whole")]
-    merged = CliRunner().invoke(cli, whole, catch_exceptions=False)
-    assert "6 rows" in merged.output
-    assert table_of(tmp_path / "whole") == table_of(tmp_path / "two")
-    with (tmp_path / "two" / FILE).open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    assert {(row["sensor"], row["law"]) for row in rows} == set(itertools.product(("ideal", "event_1000"), LAWS))
-    assert (tmp_path / "two/rows.png").stat().st_size > 10_000
-    assert "6 of 6 runs were there already" in study("two")
 
 
 def test_a_study_whose_client_is_killed_goes_on(tmp_path: Path) -> None:

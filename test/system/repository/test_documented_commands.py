@@ -20,7 +20,7 @@ from test.support.pages import OURS, PAGES, commands_of
 
 DEADLINE_S = 300.0
 # The demo, the checks themselves and the long measurements have tests of their own; a recording ends with Ctrl-C.
-ELSEWHERE = ("test", "demo", "bench", "benchmark", "study", "merge", "tune", "faults", "soak", "bringup", "bag record")
+ELSEWHERE = ("test", "demo", "bench", "benchmark", "study", "tune", "faults", "soak", "bringup", "bag record")
 # These stand for something: a bag of the reader's, a module of his, an option without its value.
 EXAMPLES = (
     "path.csv",

@@ -1,4 +1,4 @@
-"""Files of rows: they continue, keep every bit, merge, and refuse what was made of something else."""
+"""Files of rows: they continue, keep every bit, and refuse what was made of something else."""
 
 from __future__ import annotations
 
@@ -9,16 +9,7 @@ import pytest
 
 from slip_core.errors import InputError
 from slip_vic.cli import main
-from slip_vic.experiments.rows import (
-    FILE,
-    digest_of,
-    joined,
-    key_of,
-    read_json,
-    read_rows,
-    rows_added,
-    write_rows,
-)
+from slip_vic.experiments.rows import FILE, digest_of, key_of, read_json, read_rows, rows_added
 from slip_vic.experiments.run import METRICS, Row, row_of
 from slip_vic.experiments.world import World
 
@@ -95,36 +86,12 @@ def filled(folder: Path, seeds: range, value: float = 1.0, made: dict[str, str] 
     return folder
 
 
-def test_shards_join_to_the_whole(tmp_path: Path) -> None:
-    parts = [filled(tmp_path / str(k), range(k, 10, 3)) for k in range(3)]
-    rows, made = joined(parts)
-    assert made == MADE_OF
-    path, whole = tmp_path / FILE, filled(tmp_path / "whole", range(10)) / FILE
-    write_rows(path, rows, made)
-    assert path.read_text() == whole.read_text()
-    assert path.with_suffix(".json").read_text() == whole.with_suffix(".json").read_text()
-
-
-def test_what_does_not_fit_is_not_joined(tmp_path: Path) -> None:
-    one = filled(tmp_path / "a", range(1))
-    other, newer = filled(tmp_path / "b", range(1), 2.0), filled(tmp_path / "c", range(1), made={"numpy": "2.1"})
-    with pytest.raises(InputError, match="another result of study 0 vic paper_planar"):
-        joined([one, other])
-    with pytest.raises(InputError, match=r"c: got numpy 2\.1, expected 2\.0"):
-        joined([one, newer])
-    assert len(joined([one, newer], versions=["numpy"])[0]) == 1
-    with pytest.raises(InputError, match="nothing"):
-        joined([tmp_path / "nothing"])
-
-
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["study", "--shard", "4/3"], "4/3 is not i/n"),
         (["study", "--sensor", "vision_26"], "vision_25"),
         (["study", "--mismatch", "mass"], "mass+"),
         (["study", "--lottery", "1", "--sensor", "ideal"], "takes no --sensor"),
-        (["merge", "nowhere", "--out", "all"], "nowhere"),
         (["tune", "--mismatch", "mass"], "mass+"),
     ],
 )

@@ -1,10 +1,9 @@
-"""``slip-vic study``, ``merge``, ``check``, ``tune`` and ``benchmark``."""
+"""``slip-vic study``, ``check``, ``tune`` and ``benchmark``."""
 
 from __future__ import annotations
 
 import json
 import os
-import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -33,14 +32,6 @@ if TYPE_CHECKING:
     from slip_vic.experiments.engines import EngineName
 
 
-def shard(context: click.Context, parameter: click.Parameter, text: str) -> slice:
-    """Read I/N as the places of every N-th thing from the I-th on."""
-    found = re.fullmatch(r"(\d+)/(\d+)", text)
-    if found is None or not 1 <= int(found[1]) <= int(found[2]):
-        raise click.BadParameter(f"{text} is not i/n with i from 1 to n")
-    return slice(int(found[1]) - 1, None, int(found[2]))
-
-
 JOBS = click.option(
     "--jobs", type=click.IntRange(1), default=os.cpu_count() or 1, help="parallel processes; default one per core"
 )
@@ -48,9 +39,6 @@ ENGINE = click.option(
     "--engine", type=click.Choice(["pool", "ray"]), default="pool", show_default=True,
     help="pool: processes of this machine; ray: the cluster at RAY_ADDRESS, else one on this machine",
 )  # fmt: skip
-SHARD = click.option(
-    "--shard", "part", default="1/1", callback=shard, metavar="I/N", help="every N-th world from the I-th on"
-)
 
 
 def _mismatches(context: click.Context, parameter: click.Parameter, text: str) -> tuple[str, ...]:
@@ -78,7 +66,6 @@ def mismatches_option(default: str) -> Decorator:
 @out_option("study", "folder; one that has rows continues")
 @JOBS
 @ENGINE
-@SHARD
 @DRIVES
 @ASSIGNMENTS
 @URDF
@@ -89,7 +76,7 @@ def mismatches_option(default: str) -> Decorator:
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="of the lottery")
 def study(
     *, scenarios: tuple[str, ...], sensors: tuple[str, ...], laws: tuple[str, ...], mismatches: tuple[str, ...],
-    seeds: int, out: Path, jobs: int, engine: EngineName, part: slice,
+    seeds: int, out: Path, jobs: int, engine: EngineName,
     drives: tuple[str, ...], assignments: tuple[str, ...], urdf: Path | None, drawn: int, seed: int,
 ) -> None:  # fmt: skip
     """Run scenario x drive x sensor x mismatch under laws over seeds: table, rows.csv, rows.png.
@@ -123,17 +110,7 @@ def study(
         )  # fmt: skip
         for world in {world.scenario: world for world in worlds}.values():
             world.load("classical").check()
-    end_with(bad_ones(run_study(under_laws(worlds[part], laws), out, engine, jobs)))
-
-
-@click.command()
-@click.argument("folders", nargs=-1, required=True, type=click.Path(path_type=Path))
-@out_option(None, "folder", required=True)
-def merge(folders: tuple[Path, ...], out: Path) -> None:
-    """Put rows that were made in parts (--shard) into one folder; parts that do not fit are refused."""
-    from slip_vic.experiments.runner import merge as put_together
-
-    click.echo(f"{put_together(folders, out)} rows; {out}")
+    end_with(bad_ones(run_study(under_laws(worlds, laws), out, engine, jobs)))
 
 
 @click.command()
@@ -208,10 +185,7 @@ def benchmark() -> None:
 @out_option(None, "folder of this law; default out/benchmark/LAW")
 @JOBS
 @ENGINE
-@SHARD
-def run(
-    *, law: str, worlds: int, arms: str | None, out: Path | None, jobs: int, engine: EngineName, part: slice
-) -> None:
+def run(*, law: str, worlds: int, arms: str | None, out: Path | None, jobs: int, engine: EngineName) -> None:
     """Run LAW (a name, module:Class or file.py:Class); a folder that has worlds already continues."""
     from slip_vic.experiments import suite
     from slip_vic.experiments.law import find_law
@@ -220,7 +194,7 @@ def run(
     found = find_law(law)
     folder = out or Path("out") / "benchmark" / found.label
     chosen = suite.suite(found, worlds, (int(arms),) if arms else (1, 2))
-    run_study(under_laws(chosen[part], (law,)), folder, engine, jobs, {"suite": suite.DIGEST})
+    run_study(under_laws(chosen, (law,)), folder, engine, jobs, {"suite": suite.DIGEST})
 
 
 @benchmark.command()

@@ -12,7 +12,7 @@ import fcntl
 import io
 import json
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Final
 
@@ -119,32 +119,6 @@ def refuse_difference(one: Mapping[str, str], other: Mapping[str, str], where: s
     for name in one:
         if other.get(name, one[name]) != one[name]:
             raise InputError(where, got=f"{name} {one[name]}", expected=f"{other[name]}", fix=fix)
-
-
-def joined(folders: Sequence[Path], versions: Iterable[str] = ()) -> tuple[list[Row], dict[str, str]]:
-    """Return the rows of several folders, for instance of shards, and what they are made of.
-
-    versions: names of what may differ between them.
-
-    Raises:
-        InputError: a folder has no rows, they are made of different things, or a run has two different results.
-    """
-    made_of: dict[str, str] = {}
-    rows: dict[Key, Row] = {}
-    for folder in folders:
-        own = {name: value for name, value in read_json(folder / FILE)[0].items() if name not in set(versions)}
-        refuse_difference(own, made_of, f"rows in {folder}", "make all with the same")
-        made_of |= own
-        for row in read_rows(folder / FILE):
-            there = rows.setdefault(key_of(row), row)
-            if there["outcome"] == "crashed":
-                rows[key_of(row)] = row
-            elif row != there and row["outcome"] != "crashed":
-                raise InputError(
-                    f"folder {folder}", got=f"another result of {' '.join(key_of(row))}",
-                    expected="the same row of a run in all folders",
-                )  # fmt: skip
-    return list(rows.values()), made_of
 
 
 @contextlib.contextmanager

@@ -13,16 +13,7 @@ from rich.console import Console
 
 from slip_vic.experiments.engines import Died, Engine, EngineName, open_engine
 from slip_vic.experiments.law import find_law
-from slip_vic.experiments.rows import (
-    FILE,
-    joined,
-    key_of,
-    locked,
-    read_rows,
-    refuse_difference,
-    rows_added,
-    write_rows,
-)
+from slip_vic.experiments.rows import FILE, key_of, read_rows, refuse_difference, rows_added
 from slip_vic.experiments.run import Row, row_of, run
 from slip_vic.experiments.world import OWN_LAWS, Key, World
 from slip_vic.presets import preset_text
@@ -125,19 +116,6 @@ def run_study(
     show(rows, out)
     click.echo(f"{there} of {len(rows)} runs were there already; {out}")
     return rows
-
-
-def merge(folders: Sequence[Path], out: Path) -> int:
-    """Put the rows of several folders into one, and show them; return how many there are.
-
-    Raises:
-        InputError: they do not fit together, see `joined`.
-    """
-    rows, made_of = joined([*folders, *([out] if (out / FILE).exists() else [])])
-    with locked(out / FILE):
-        write_rows(out / FILE, rows, made_of)
-    show(rows, out)
-    return len(rows)
 
 
 def show(rows: Sequence[Row], out: Path) -> None:

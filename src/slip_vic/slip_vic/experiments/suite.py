@@ -15,9 +15,9 @@ import numpy as np
 
 from slip_core.errors import InputError
 from slip_vic.experiments.law import KNOWN, FoundLaw
-from slip_vic.experiments.rows import FILE, digest_of, joined, key_of, read_json, read_rows
+from slip_vic.experiments.rows import FILE, digest_of, key_of, read_json, read_rows, refuse_difference
 from slip_vic.experiments.run import Row, run
-from slip_vic.experiments.world import Track, World, frozen_worlds
+from slip_vic.experiments.world import Key, Track, World, frozen_worlds
 from slip_vic.run.prepare import prepare
 from slip_vic.run.versions import versions
 
@@ -73,22 +73,30 @@ def read_result(folder: Path) -> list[Row]:
 
 
 def compared(folders: Sequence[Path]) -> list[Row]:
-    """Return the rows of several folders, shards too, in the worlds that all laws of as many arms have.
+    """Return the rows of several folders in the worlds that all laws of as many arms have.
 
     Raises:
         InputError: a folder holds no result, a world of a law differs between two, or no world is in all of them.
     """
+    rows: dict[Key, Row] = {}
+    made_of: dict[str, str] = {}
     for folder in folders:
-        read_result(folder)
-    rows, _ = joined(folders, versions=versions())
+        found = read_result(folder)
+        own = {name: value for name, value in read_json(folder / FILE)[0].items() if name not in versions()}
+        refuse_difference(own, made_of, f"rows in {folder}", "make all with the same")
+        made_of |= own
+        for row in found:
+            if rows.setdefault(key_of(row), row) != row:
+                got = f"another result of {' '.join(key_of(row))}"
+                raise InputError(f"folder {folder}", got=got, expected="the same row of a run in all folders")
     kept = []
     for arms in COUNTS:
-        own = [row for row in rows if row["arms"] == str(arms)]
+        own_rows = [row for row in rows.values() if row["arms"] == str(arms)]
         laws: dict[tuple[str, str], set[str]] = {}
-        for row in own:
+        for row in own_rows:
             laws.setdefault((row["law"], row["track"]), set()).add(row["world"])
         common = set.intersection(*laws.values()) if laws else set()
-        kept += [row for row in own if row["world"] in common]
+        kept += [row for row in own_rows if row["world"] in common]
     if not kept:
         raise InputError("folders", got="no world that all of them have", expected="results of the same worlds")
     return kept
