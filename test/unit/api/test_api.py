@@ -68,21 +68,6 @@ def test_page_is_written(run: slip_vic.Run, tmp_path) -> None:
         run.page("/proc/run.html")
 
 
-def test_own_efforts_drive_the_arm() -> None:
-    """No effort but gravity: the arm falls behind its path, and the controller's own effort is not applied."""
-    scenario = slip_vic.load("paper_planar", law="classical", set=[SHORT])
-    limp = scenario.run(law=lambda tick: np.array(tick.result.arm.bias[:7]))
-    driven = scenario.run()
-    assert limp.final_error_mm > 3.0 > driven.final_error_mm
-    efforts = limp.frame()[[f"effort_{j + 1}" for j in range(7)]].to_numpy()
-    biases = [tick_bias(tick) for tick in scenario.ticks()]
-    np.testing.assert_allclose(efforts[0], biases[0])
-
-
-def tick_bias(tick: slip_vic.Tick) -> np.ndarray:
-    return np.array(tick.result.arm.bias[:7])
-
-
 def test_the_law_on_arrays_is_the_law_of_the_cycle() -> None:
     scenario = slip_vic.load("paper_planar", law="vic", set=[SHORT])
     controller, gains = scenario.controller, scenario.controller.gains

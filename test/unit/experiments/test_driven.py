@@ -178,6 +178,8 @@ def test_what_a_law_does_wrong_ends_its_run_with_one_line(step: Any, message: st
     with pytest.raises(InputError, match=rf"law Own: got 0\.000 s: {message}") as error:
         scenario(ticks=5).run(law=law_of(step))
     assert "\n" not in str(error.value)
+    with pytest.raises(InputError, match=r"a slip_vic\.Law"):
+        scenario(ticks=5).run(law=step)
 
 
 def test_laws_are_found_by_file_and_by_module(tmp_path: Path) -> None:

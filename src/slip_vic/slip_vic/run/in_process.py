@@ -6,8 +6,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from slip_core.arrays import Array
 from slip_core.incidents import Incident
 from slip_core.types import DisplacementSample, JointCommand
@@ -62,10 +60,6 @@ class Tick:
     def effort(self) -> Array:
         """The first of `efforts`."""
         return self.efforts[0]
-
-    @effort.setter
-    def effort(self, effort: Array) -> None:
-        self.commands[0] = JointCommand(self.outputs.stamp_ns, np.asarray(effort, dtype=np.float64))
 
 
 def answer_tick(session: ControllerSession, sent: Sequence[Any], manifest: Manifest) -> tuple[CycleResult, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal, get_args
@@ -38,7 +38,6 @@ from slip_vic_controller.params.controller_params import GainParams
 from slip_vic_controller.params.node_params import ControllerNodeParams
 
 if TYPE_CHECKING:
-    from slip_core.arrays import Array
     from slip_vic.experiments.law import Law as OwnLaw
     from slip_vic.run.in_process import Tick
     from slip_vic.run.run import Run
@@ -153,45 +152,32 @@ class Scenario:
         return next(iter(self.urdfs.values()))
 
     def ticks(self) -> Iterator[Tick]:
-        """Run in this process and yield every tick, with the next effort in your hands.
-
-            for tick in scenario.ticks():
-                tick.effort = my_law(tick.outputs.arms[0].joint, tick.result.arm)
-
-        Without an assignment the effort is the controller's. One that is set goes through the simulated drive, which
-        limits it as the real one does.
-        """
+        """Run in this process and yield every tick: what the sensors measured, and what the controller answered."""
         from slip_vic.run.in_process import run_in_process
 
         return run_in_process(self)
 
-    def run(self, law: Callable[[Tick], Array] | OwnLaw | None = None) -> Run:
-        """Run in this process to the end, or until the object is lost; return what came of it.
+    def run(self, law: OwnLaw | None = None) -> Run:
+        """Run in this process to the end, or until the object is lost; return the results.
 
         Args:
-            law: a control law of one's own: a `slip_vic.Law`, or a function that takes each tick and returns the effort
-                of the first arm (n,) [N m]. None: the controller's.
+            law: a control law of one's own; None: the controller's.
 
         Raises:
-            InputError: parameters and URDF that do not fit; a `slip_vic.Law` that fails.
+            InputError: parameters and URDF that do not fit; a law of one's own that fails.
         """
         from slip_vic.experiments.driven import driven, watched
         from slip_vic.experiments.law import Law as OwnLaw
         from slip_vic.run.judge import judge
 
-        if isinstance(law, OwnLaw):
-            run = judge(driven(self, law), watched(self))
-            if run.outcome == "failed":
-                raise InputError(f"law {type(law).__name__}", got=run.reason, expected="docs/your_law.md")
-            return run
-
-        def commanded() -> Iterator[Tick]:
-            for tick in self.ticks():
-                if law is not None:
-                    tick.effort = law(tick)
-                yield tick
-
-        return judge(commanded(), self)
+        if law is None:
+            return judge(self.ticks(), self)
+        if not isinstance(law, OwnLaw):
+            raise InputError("law", got=law, expected="a slip_vic.Law: needs, reset(setup) and step(seen)")
+        run = judge(driven(self, law), watched(self))
+        if run.outcome == "failed":
+            raise InputError(f"law {type(law).__name__}", got=run.reason, expected="docs/your_law.md")
+        return run
 
     @property
     def arms(self) -> tuple[tuple[str, ControllerNodeParams], ...]:
