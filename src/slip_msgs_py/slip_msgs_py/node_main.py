@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import gc
-import math
 import os
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any, Protocol
 
 import rclpy
@@ -43,17 +41,6 @@ DELIVERY_S = 10.0  # a busy machine may starve a recorder for seconds
 LAUNCHED_DELIVERY_S = 2.0  # what was lost is repeated much sooner, and a launcher that requests the end waits longer
 STOP_DELIVERY_S = 0.1  # a user waits for the process to end
 LONGEST_END_S = 2.5  # from the signal on; a lock of DDS may be held by a process that was killed
-
-
-def memory_mib() -> float:
-    """Return the most memory this process has had resident so far [MiB].
-
-    Of this program alone: `ru_maxrss` begins with that of the process that has started it.
-    """
-    for line in Path("/proc/self/status").read_text(encoding="ascii").splitlines():
-        if line.startswith("VmHWM:"):
-            return int(line.split()[1]) / 1024.0
-    return math.nan
 
 
 def run_node(factory: Callable[[], RunnableNode]) -> int:

@@ -29,7 +29,6 @@ from slip_msgs_py.events import emit
 from slip_msgs_py.executor import Spinner
 from slip_msgs_py.fast_io import Refusals, create_sender
 from slip_msgs_py.messages import forms, to_msgs
-from slip_msgs_py.node_main import memory_mib
 from slip_msgs_py.node_shell import Failures, GuardedNode
 from slip_msgs_py.qos import create_publisher, create_subscription
 from slip_msgs_py.realtime import set_up_interpreter
@@ -179,7 +178,7 @@ class SlipSimBridge(GuardedNode, Node):
             raise self._failure
         wall = time.monotonic() - self._started_wall
         results = {"ticks": self.session.tick, "sim_time_s": self.session.elapsed_s, "wall_time_s": wall}
-        emit("done", **results, memory_mib=memory_mib(), **self._timing())
+        emit("done", **results, **self._timing())
 
     def _timing(self) -> dict[str, object]:
         """Return how a real-time run went, for the launcher."""

@@ -62,12 +62,11 @@ METRICS: Final = (
 class BenchResult(NamedTuple):
     """Metrics and free runs by name, the machine, and how much equal work varied between rounds.
 
-    metrics: median, min and max over the rounds. memory_mib: the most that each process had resident.
+    metrics: median, min and max over the rounds.
     """
 
     metrics: pd.DataFrame
     free_running: pd.DataFrame
-    memory_mib: dict[str, float]
     machine: dict[str, Any]
     noise: float
 
@@ -76,9 +75,9 @@ def run_bench(effort: Effort, say: Say) -> BenchResult:
     """Measure everything; `say` gets each stage."""
     found, rounds = machine(), _rounds(effort, say)
     say("free running")
-    free, memory = _free_running(effort)
+    free = _free_running(effort)
     speed = rounds["calibration"]
-    return BenchResult(over_rounds(rounds), free, memory, found, float((speed.max() - speed.min()) / speed.median()))
+    return BenchResult(over_rounds(rounds), free, found, float((speed.max() - speed.min()) / speed.median()))
 
 
 def over_rounds(rounds: pd.DataFrame) -> pd.DataFrame:
@@ -112,17 +111,16 @@ def _rounds(effort: Effort, say: Say) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _free_running(effort: Effort) -> tuple[pd.DataFrame, dict[str, float]]:
+def _free_running(effort: Effort) -> pd.DataFrame:
     """Run in real time with the recorder at every rate, as normal processes and under SCHED_FIFO where permitted."""
     kinds = {"normal": ProcessOptions()} | ({"fifo": ProcessOptions(fifo=FIFO_PRIORITY)} if fifo_permitted() else {})
-    rows, memory = {}, dict[str, float]()
+    rows = {}
     for rate in RATES_HZ:
         for kind, process in kinds.items():
             result = dds.free_run(rate, effort.free_s, process)
-            memory |= {name: max(mib, memory.get(name, 0.0)) for name, mib in result.memory_mib.items()}
             rows[f"{rate}_{kind}"] = {
                 "fresh": result.timing["fresh_share"], "missed": result.timing["missed"],
                 "recorder_lost": float(result.lost), "real_time_factor": result.real_time_factor,
                 **{f"latency_{key}_ms": 1e3 * result.timing[f"latency_{key}_s"] for key in LATENCIES},
             }  # fmt: skip
-    return pd.DataFrame.from_dict(rows, orient="index"), memory
+    return pd.DataFrame.from_dict(rows, orient="index")

@@ -31,7 +31,7 @@ class RunResult:
     """What a finished run reports: ticks, simulated and wall time, recorder's counts, where the bag is.
 
     timing: in real time the share of fresh ticks, overruns, states missed by the controller and state-to-command
-    latencies [s]; else empty. memory_mib: the most that each process had resident.
+    latencies [s]; else empty.
     warnings: what the system refused, one line each.
     incidents: what went wrong although no process failed, in the order of its time.
     """
@@ -43,7 +43,6 @@ class RunResult:
     messages: int
     lost: int
     timing: Mapping[str, float]
-    memory_mib: Mapping[str, float]
     warnings: tuple[str, ...]
     incidents: tuple[Incident, ...] = ()
 
@@ -194,11 +193,6 @@ class Launcher:
             messages=int(recorded.get("messages", 0)),
             lost=int(recorded.get("lost", 0)),
             timing=self._timing(children),
-            memory_mib={
-                name: float(child.results["memory_mib"])
-                for name, child in children.items()
-                if "memory_mib" in child.results
-            },
             warnings=tuple(self.warnings),
             incidents=tuple(sorted(self._incidents, key=lambda incident: incident.time_s)),
         )

@@ -27,7 +27,6 @@ from slip_msgs_py.events import emit
 from slip_msgs_py.executor import Spinner
 from slip_msgs_py.fast_io import Refusals, create_receiver
 from slip_msgs_py.messages import to_msgs
-from slip_msgs_py.node_main import memory_mib
 from slip_msgs_py.node_shell import Failures, GuardedNode, fails_loudly
 from slip_msgs_py.qos import create_publisher
 from slip_msgs_py.realtime import set_up_interpreter
@@ -300,7 +299,7 @@ class SlipVicController(GuardedNode, LifecycleNode):
         if self.session.active:
             self._say_no_command()
         missed = sum(arm.report.missed for arm in self._arms)
-        emit("done", cycles=self.session.arms[0].cycles, missed=missed, memory_mib=memory_mib())
+        emit("done", cycles=self.session.arms[0].cycles, missed=missed)
 
 
 def make_controller(params: Mapping[str, ControllerNodeParams]) -> Controller:
