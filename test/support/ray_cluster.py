@@ -29,16 +29,6 @@ def ray_cluster(nodes: int) -> Iterator[Any]:
         cluster.shutdown()
 
 
-def kill_node(cluster: Any) -> None:
-    """Kill -9 everything of the node that came last; drivers use that of the head."""
-    node = cluster.list_all_nodes()[-1]
-    raylet = psutil.Process(node.all_processes["raylet"][0].process.pid)
-    for process in (*raylet.children(recursive=True), raylet):
-        with contextlib.suppress(psutil.NoSuchProcess):
-            process.kill()
-    cluster.remove_node(node, allow_graceful=False)
-
-
 def busy_workers(task: str) -> list[psutil.Process]:
     """Return the worker processes that run a task of this name: Ray writes it into their title."""
     found = []

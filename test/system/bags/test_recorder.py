@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -160,21 +158,6 @@ def test_losses_are_counted_exactly(ros_node, tmp_path, monkeypatch):
     assert len(texts(tmp_path / "bag", "/x")) == received
 
 
-def test_publishers_that_follow_each_other(processes, ros_node, tmp_path):
-    """A publisher that starts again counts from 1; that is no loss."""
-    recorder = processes.python("recorder", *RECORDER, tmp_path / "bag", "/x")
-    for round_number in range(2):
-        sender = Sender(ros_node, "/x", RELIABLE)
-        sender.wait_matched()
-        processes.wait_event(recorder, "ready")
-        sender.send(50)
-        wait_received(recorder, 50 * (round_number + 1))
-        ros_node.destroy_publisher(sender.publisher)
-        wait_until(lambda: ros_node.count_publishers("/x") == 0, "the publisher's end")
-    summary = finish(processes, recorder)
-    assert (summary["messages"], summary["lost"]) == (100, 0)
-
-
 def test_topic_that_is_never_published_is_reported(processes, tmp_path):
     recorder = processes.python("recorder", *RECORDER, tmp_path / "bag", "/x")
     wait_until((tmp_path / "bag").exists, "the recorder")
@@ -224,18 +207,3 @@ def test_low_disk_stops_before_it_is_full(ros_node, tmp_path, monkeypatch):
         recorder.record(ros_node, tmp_path / "bag", (), lambda: False, everything=True)
     with Bag(tmp_path / "bag") as bag:
         assert bag.message_count == 0
-
-
-def test_without_a_parent_it_tells_people(processes, tmp_path):
-    process = subprocess.Popen(
-        [sys.executable, *RECORDER, str(tmp_path / "bag"), "--all"],
-        env={**processes.environment, "SLIP_VIC_EVENTS": "0"},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    wait_until((tmp_path / "bag").exists, "the recorder")
-    process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=90.0)
-    assert (process.returncode, err) == (0, f"recording into {tmp_path / 'bag'}; Ctrl-C ends\n")
-    assert out.splitlines()[-1] == f"{tmp_path / 'bag'}: 0 messages, 0 lost"

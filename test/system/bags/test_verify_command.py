@@ -28,25 +28,6 @@ def scenario(cycles: int = CYCLES):
     return load_scenario("paper_planar", assignments=(f"bridge.duration_s={cycles / 1000}",))
 
 
-def test_without_ros_installed(tmp_path):
-    """Every module of ROS is made impossible to import."""
-    record_run(tmp_path / "bag", scenario())
-    packages = ("rclpy", *(f"{name}_msgs" for name in ("std", "sensor", "geometry", "nav", "rosgraph", "trajectory")))
-    code = (
-        f"import sys; sys.modules.update(dict.fromkeys({packages!r}))\n"
-        "from slip_vic.cli import bag\nbag(['verify', sys.argv[1]])"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code, str(tmp_path / "bag")],
-        capture_output=True,
-        text=True,
-        check=False,
-        env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
-    )
-    assert done.returncode == 0, done.stderr
-    assert "identical" in done.stdout
-
-
 @pytest.mark.parametrize("name", ["noisy_run", "real_time_run"])
 def test_runs_over_dds_are_identical(name, request):
     """Recorded by the launcher; in real time the order of arrival is known from the ledger alone."""

@@ -23,7 +23,7 @@ from slip_vic.experiments import suite
 from slip_vic.experiments.engines import Died, EngineName, RayEngine, open_engine
 from slip_vic.experiments.rows import FILE, digest_of
 from slip_vic.experiments.runner import fill, under_laws
-from test.support.ray_cluster import busy_workers, kill_node, ray_cluster
+from test.support.ray_cluster import busy_workers, ray_cluster
 
 SUPPORT = Path(__file__).parents[2] / "support"
 WITHOUT_RAY = importlib.util.find_spec("ray") is None
@@ -62,25 +62,6 @@ def test_an_address_where_nobody_is(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("RAY_ADDRESS", "127.0.0.1:1")
     with pytest.raises(InputError, match="RAY_ADDRESS"):
         RayEngine(1)
-
-
-@needs_ray
-def test_workers_and_a_node_die_another_joins_and_no_task_is_lost(
-    cluster: Any, tasks: ModuleType, tmp_path: Path
-) -> None:
-    results = {}
-    with RayEngine(1) as engine:
-        for number, result in engine.run(tasks.slow_square, str(tmp_path), range(60)):
-            results[number] = result
-            if len(results) in (5, 35, 50):  # so far apart that no task is hit three times
-                for worker in busy_workers("slow_square")[:1]:
-                    worker.kill()
-            if len(results) == 20:
-                kill_node(cluster)
-            if len(results) == 30:
-                cluster.add_node(num_cpus=1)
-        assert engine.deaths
-    assert results == {number: number * number for number in range(60)}
 
 
 @needs_ray

@@ -86,19 +86,6 @@ def test_one_death_leaves_the_other_workers_alone_and_the_third_gives_a_task_up(
     assert len(workers_that_ran(tmp_path)) <= 6
 
 
-def test_workers_killed_from_outside_lose_nothing(pool: PoolEngine, tasks: ModuleType, tmp_path: Path) -> None:
-    results, victims = {}, set()
-    for number, result in pool.run(tasks.slow_square, str(tmp_path), range(12)):
-        results[number] = result
-        if len(results) in (2, 5, 8):
-            busy = [child for child in psutil.Process().children() if child.pid in workers_that_ran(tmp_path) - victims]
-            victims.add(busy[0].pid)
-            busy[0].kill()
-    assert results == {number: number * number for number in range(12)}
-    assert len(pool.deaths) == len(victims) == 3
-    assert {f"process {pid} by SIGKILL" for pid in victims} == {reason for _, reason in pool.deaths}
-
-
 def test_what_a_task_raises_ends_the_run(pool: PoolEngine, tasks: ModuleType) -> None:
     with pytest.raises(ValueError, match=r"task \d of here"):
         list(pool.run(tasks.wrong, "here", range(3)))

@@ -7,8 +7,6 @@ Unexpected exceptions are loud in tests: a node that goes on here has met none, 
 
 from __future__ import annotations
 
-import signal
-import time
 from pathlib import Path
 from typing import Any
 
@@ -27,8 +25,6 @@ from test.system.nodes.test_modes import (  # noqa: F401
     start,
     watcher,
 )  # fmt: skip
-
-PROMPT_S = 0.3  # from the first foreign command to FAULT; discovery and a crowded machine included
 
 
 @pytest.mark.parametrize("loud", ["0", "1"])
@@ -51,26 +47,3 @@ def test_controller_exception_is_a_fault(
     assert all(len(message.effort) == 7 for message in watcher.commands[count:])
     assert sum("failed in" in line for line in controller.lines) == 1, controller.tail()
     watcher.wait_law()
-
-
-@pytest.mark.smoke
-def test_second_controller_is_a_fault(nodes: System, shared_start: Any, shared_processes: Processes) -> None:
-    from sensor_msgs.msg import JointState
-
-    watcher = nodes.watcher
-    watcher.wait_law()
-    seen: list[float] = []
-    watcher.node.create_subscription(JointState, "effort_command", lambda m: seen.append(m.header.stamp.sec), 100)
-    foreign = watcher.node.create_publisher(JointState, "effort_command", 10)
-    watcher.spin(lambda: foreign.get_subscription_count() >= 2, "the bridge to take foreign commands")
-    began = time.monotonic()
-    watcher.wait_mode("FAULT", "another publisher")
-    assert time.monotonic() - began < PROMPT_S
-    assert watcher.modes[-1].endswith("call ~/reset_fault, then ~/enable")
-    watcher.node.destroy_publisher(foreign)
-    watcher.wait_law()
-    second = shared_start("controller", *CONTROLLER_SLOW)  # under the same name
-    watcher.wait_mode("FAULT", "another publisher")
-    assert nodes.controller.exit_code is None
-    assert nodes.bridge.exit_code is None
-    shared_processes.stop(second, signal.SIGINT)

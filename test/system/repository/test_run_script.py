@@ -8,8 +8,6 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[3]
-BY_FILE = "--dist loadfile --no-loadscope-reorder"
-FAST = f"-q test/unit -n auto {BY_FILE}"
 
 
 @pytest.fixture
@@ -64,55 +62,3 @@ def test_without_venv(bare: Path) -> None:
     assert "no venv module" in done.stderr
     assert "apt install python3-venv" in done.stderr
     assert not (bare / ".venv").exists()
-
-
-ALONE = [f"test/system/bringup/test_{name}.py" for name in ("demo", "page")]
-
-
-@pytest.fixture
-def called(tmp_path: Path) -> dict[str, str]:
-    """An environment in which every checker prints its name and arguments, and does nothing else."""
-    for name in ("ruff", "mypy", "python"):
-        (tmp_path / name).write_text(f'#!/bin/sh\necho "called {name} $*"\n')
-        (tmp_path / name).chmod(0o755)
-    return {**os.environ, "PATH": f"{tmp_path}:{os.environ['PATH']}"}
-
-
-@pytest.mark.parametrize(
-    ("arguments", "calls"),
-    [
-        (
-            (),
-            [
-                "ruff format --check .",
-                "ruff check .",
-                "mypy ",
-                f"python -m pytest {FAST}",
-                f"python -m pytest test/referees test/system -m smoke or referee and not long -n 2 {BY_FILE}",
-            ],
-        ),
-        (
-            ("--all",),
-            [
-                "ruff format --check .",
-                "ruff check .",
-                "mypy ",
-                f"python -m pytest {FAST}",
-                f"python -m pytest test/referees test/system -n 4 {BY_FILE} "
-                + " ".join(f"--ignore={path}" for path in ALONE),
-                f"python -m pytest {' '.join(ALONE)}",
-            ],
-        ),
-        (("-k", "law"), ["ruff format --check .", "ruff check .", "mypy ", "python -m pytest -k law"]),
-        (("--fast",), [f"python -m pytest {FAST}"]),
-        (("--fast", "-x"), [f"python -m pytest {FAST} -x"]),
-    ],
-)
-def test_the_checks_of_each_tier(called: dict[str, str], arguments: tuple[str, ...], calls: list[str]) -> None:
-    done = subprocess.run(
-        [ROOT / "tools" / "check", *arguments], env=called, capture_output=True, text=True, timeout=150, check=True
-    )
-    found = [line.removeprefix("called ") for line in done.stdout.splitlines() if line.startswith("called ")]
-    compiles = [line for line in found if "prepare()" in line]  # beside the first checks, in any order with them
-    assert len(compiles) == 1
-    assert [line.strip() for line in found if line not in compiles] == [line.strip() for line in calls]

@@ -13,7 +13,7 @@ import pytest
 from click.testing import CliRunner
 
 from test.campaigns.soak.cli import soak
-from test.campaigns.soak.growth import grows, growth_of, robust_slope, sample_process
+from test.campaigns.soak.growth import grows, growth_of, sample_process
 
 LEAK = """
 import os, sys, time
@@ -23,20 +23,6 @@ while True:
     kept.append(open(os.devnull))
     time.sleep(0.01)
 """
-
-
-def test_slope_with_jumps() -> None:
-    times = [float(t) for t in range(100)]
-    steps = [2.0 * t + (500.0 if t > 80 else 0.0) for t in times]
-    assert robust_slope(times, steps) == pytest.approx(2.0, rel=0.05)
-    assert robust_slope(times, [3.0] * 100) == 0.0
-    assert robust_slope([1.0], [3.0]) == 0.0
-
-
-def test_warm_up_does_not_count() -> None:
-    growth = growth_of([(float(t), 50.0 + 10.0 * min(t, 10), 20.0, 8.0) for t in range(100)])
-    assert growth["memory [MiB]"].per_hour == 0.0
-    assert grows(growth) == []
 
 
 def test_leaking_process_grows() -> None:

@@ -65,18 +65,6 @@ def test_control_characters_are_escaped(tmp_path):
     assert "\\x1b[2Ja" in text
 
 
-def test_table_holds_the_recorded_bits(tmp_path):
-    rows = make_bag(tmp_path / "bag", count=40, topics=WRENCH)["/w"]
-    with Bag(tmp_path / "bag") as bag:
-        read = dataframe(bag, "w")
-    assert read["log_time_ns"].tolist() == [row[0] for row in rows]
-    assert read["header.frame_id"].tolist() == [row[3].header.frame_id for row in rows]
-    assert read["stamp_ns"].tolist() == [row[3].header.stamp.sec * 10**9 + row[3].header.stamp.nanosec for row in rows]
-    for part, axis in (("force", "x"), ("torque", "z")):
-        expected = np.array([getattr(getattr(row[3].wrench, part), axis) for row in rows])
-        assert (read[f"wrench.{part}.{axis}"].to_numpy().view(np.uint64) == expected.view(np.uint64)).all()
-
-
 @pytest.mark.parametrize("count", [1, 3])
 def test_joint_states_get_columns_by_joint(tmp_path, count):
     kind = "sensor_msgs/msg/JointState"

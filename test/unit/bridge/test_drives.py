@@ -248,17 +248,6 @@ def test_efforts_lag_and_are_scaled_and_offset() -> None:
     )
 
 
-def test_a_torque_offset_below_friction_moves_nothing_and_above_it_accelerates() -> None:
-    stuck = weightless(drive__coulomb=(0.2,), drive__offset=(0.19,))
-    for _ in range(100):
-        stuck.step(np.zeros(7))
-    assert np.abs(stuck.observe().joint.velocity).max() < 1e-12
-    moves = weightless(drive__coulomb=LOCKED, drive__offset=(0.19, *(0.0,) * 6))
-    for _ in range(100):
-        moves.step(np.zeros(7))
-    assert moves.observe().joint.velocity[0] == pytest.approx(0.19 * 0.1 / inertia(moves), rel=1e-9)
-
-
 def test_ideal_drives_are_not_there_and_friction_outlasts_the_object() -> None:
     assert scene().all._drives is None
     simulation = scene(drive__coulomb=(200.0,))

@@ -209,17 +209,6 @@ def test_newton_euler_and_energy_of_the_closed_chain_converge_at_first_order() -
         assert coarse[k] / fine[k] == pytest.approx(4.0, rel=0.25), k
 
 
-def test_at_rest_the_pads_carry_the_weight_and_nothing_moves() -> None:
-    simulation = pair()
-    for _ in range(50):
-        simulation.step([None, None])
-    for side in range(2):
-        truth = simulation.observe(side)
-        np.testing.assert_allclose(truth.wrench.wrench[:3], (0.0, 0.0, -4.905), atol=1e-6)
-        assert not truth.truth.slip_displacement.any()
-        assert np.abs(truth.truth.twist).max() < 1e-9
-
-
 @pytest.mark.parametrize("released", [False, True])
 def test_sticking_is_exact_below_the_limit_and_friction_is_at_it_while_slipping(released: bool) -> None:
     """A pad that presses nothing takes no part in it."""

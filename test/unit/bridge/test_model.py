@@ -6,21 +6,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from slip_core.errors import InputError
-from slip_core.params import build
 from slip_description import urdf_text
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.plant.rigid import build_model
-from test.unit.bridge.one_arm import OneArm
-
-
-def fails(urdf=None, **values) -> str:
-    with pytest.raises(InputError) as caught:
-        OneArm(build(BridgeParams, values, "test"), urdf or urdf_text())
-    line = str(caught.value)
-    assert "\n" not in line
-    assert caught.value.exit_code == 2
-    return line
 
 
 def test_model_options_avoid_the_engines_traps():
@@ -45,22 +33,3 @@ def test_a_urdf_without_the_mujoco_extension_keeps_fixed_links():
     ours, theirs = (build_model(BridgeParams(), text) for text in (urdf_text(), plain))
     assert theirs.nbody == ours.nbody
     assert theirs.body_mass.sum() == pytest.approx(ours.body_mass.sum())
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "word"),
-    [
-        ("initial_position", (0.0,) * 6, "initial_position"),
-        ("joint_names", ("a",) * 7, "joint_names"),
-        ("control_period_s", 0.0, "control_period_s"),
-        ("control_period_s", 1.5e-9, "control_period_s"),
-        ("friction.mu_s", 0.1, "mu_s"),
-        ("grip.force", -1.0, "grip.force"),
-        ("grip.force", float("nan"), "grip.force"),
-        ("plant", "none", "plant"),
-        ("substeps", 1000, "substeps"),
-        ("grip.strength", 1.0, "grip.force"),
-    ],
-)
-def test_bad_parameter(name, value, word):
-    assert word in fails(**{name: value})

@@ -201,36 +201,6 @@ def test_divergence_writes_nothing_into_the_working_folder(tmp_path, monkeypatch
     assert capfd.readouterr() == ("", "")
 
 
-def test_light_object_in_a_firm_grip_is_sub_stepped_automatically():
-    """50 g under 20 N: with one step of 1 ms the slip speed has several roots."""
-    firm = {"object__mass": 0.05, "object__inertia": (2e-5,) * 3 + (0.0,) * 3, "grip__force": 20.0}
-    ends, started = {}, np.array([0.4, 0.3, 8.0])
-    for substeps in (0, 64, 1):
-        simulation = scene(substeps=substeps, friction__stribeck_velocity=0.02, **firm)
-        simulation.plant.data.qvel[-3:] = started
-        for _ in range(20):
-            simulation.step(None)
-        assert not simulation.observe().slip.twist.round(9).any(), "it must have come to rest"
-        ends[substeps] = np.linalg.norm(simulation.observe().truth.slip_displacement[:2])
-    backward_euler = 0.5 * np.linalg.norm(started[:2]) * 1e-3  # what one step of 1 ms may be off
-    assert ends[64] > 1e-4
-    assert abs(ends[0] - ends[64]) < 0.5 * backward_euler
-    assert abs(ends[1] - ends[64]) > abs(ends[0] - ends[64])
-
-
-def test_friction_stays_within_its_limit_at_a_joint_stop():
-    touched, slipped = 0, 0.0
-    for simulation in driven_into_the_stop(20.0):
-        friction, grip = simulation.params.friction, simulation.grip_force
-        scale = np.array([1.0, 1.0, friction.torsional_radius])
-        h, v = simulation.observe().wrench.wrench[[0, 1, 5]], simulation.observe().slip.twist[[0, 1, 5]]
-        speed = np.linalg.norm(v * scale)
-        assert np.linalg.norm(h / scale) <= friction.mu_s * grip + friction.viscous * speed + 1e-6
-        slipped, touched = max(slipped, speed), touched + 1
-    assert touched > 100
-    assert slipped > 0.01
-
-
 def test_stick_is_exact_at_a_joint_stop():
     """Without regard to the stop's force the object would slip 2 mm, although the grip could hold it three times."""
     used, touched = 0.0, 0

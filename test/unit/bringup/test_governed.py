@@ -54,13 +54,6 @@ def test_less_friction_is_learnt() -> None:
     assert done.end.record.law.error_linear < 1e-3
 
 
-def test_too_heavy_path_is_refused() -> None:
-    done = run("vertical_plane", "controller.governor.margin=0.95", seconds=1.0)
-    assert done.slip_m < HELD_M
-    assert done.end.mode == Mode.HOLD
-    assert done.end.reason.startswith("friction cannot carry the object at 800 ms of the path")
-
-
 def test_off_equals_printed_law() -> None:
     printed, off = (
         load_scenario("paper_planar", law=kind, assignments=("bridge.duration_s=0.3", *extra))

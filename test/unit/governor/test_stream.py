@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from slip_bags.reader import Bag
-from slip_core.errors import InputError
 from slip_core.records import new, record
 from slip_core.types import CartesianReference
 from slip_core.vectors import NOTHING, mat, spatial, vec
-from slip_msgs_py.messages.from_msgs import streamed_reference
 from slip_vic.replay.run_data import read_run
 from slip_vic.replay.verify import verify_run
 from slip_vic.run.in_process import ClosedLoop
@@ -217,18 +213,6 @@ def test_stream_interpolation_is_consistent() -> None:
         turned = Rotation.from_matrix(after[3:12].reshape(3, 3) @ before[3:12].reshape(3, 3).T).as_rotvec()
         rates = np.concatenate((after[:3] - before[:3], turned, after[12:18] - before[12:18])) / (2.0 * h)
         np.testing.assert_allclose(rates, now[12:], rtol=1e-5, atol=1e-4)
-
-
-def test_reference_without_rates_is_refused() -> None:
-    xyz = SimpleNamespace(x=0.0, y=0.0, z=0.0)
-    pose = SimpleNamespace(translation=xyz, rotation=SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0))
-    point = SimpleNamespace(transforms=[pose], velocities=[], accelerations=[])
-    header = SimpleNamespace(stamp=SimpleNamespace(sec=1, nanosec=5), frame_id="")
-    with pytest.raises(InputError, match="velocities and accelerations too"):
-        streamed_reference(SimpleNamespace(points=[point], header=header))
-    still = SimpleNamespace(linear=xyz, angular=xyz)
-    point = SimpleNamespace(transforms=[pose], velocities=[still], accelerations=[still])
-    assert streamed_reference(SimpleNamespace(points=[point], header=header)).stamp_ns == 10**9 + 5
 
 
 def test_stream_runs_replay_identically(tmp_path) -> None:

@@ -14,6 +14,8 @@ SOURCES = [
     *(path for room in ("law", "path", "governor") for path in sorted((PACKAGE / room).glob("*.py"))),
     PACKAGE / "arm" / "robot.py",
 ]
+LAW = {1, 7, 8, 10, 11, 12, 13, 14, 17, 18, 21, 23, 24, 28, 29, 30}
+"""Equations of which the paper's law consists."""
 REFEREE = ROOT / "test" / "referees" / "law_referee.py"
 PAGE = (ROOT / "docs" / "equations.md").read_text(encoding="utf-8")
 
@@ -66,6 +68,10 @@ def test_rows_name_functions_and_tests_that_exist() -> None:
         assert not [name for name in tests if name not in CASES]
         if functions[0] in FUNCTIONS:
             assert claims(FUNCTIONS[functions[0]]) == equations, functions[0]
+
+
+def test_every_equation_of_the_law_is_named_where_it_runs() -> None:
+    assert set().union(*map(claims, FUNCTIONS.values())) >= LAW
 
 
 def test_every_equation_that_is_claimed_is_in_the_table() -> None:

@@ -10,7 +10,6 @@ from scipy.spatial.transform import Rotation
 from slip_core.errors import InputError
 from slip_core.records import new, place
 from slip_core.types import DisplacementSample, JointCommand, WrenchSample
-from slip_msgs_py.messages.from_msgs import slip_flag
 from slip_sim_bridge.sensors.slip import pose_of
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import Scenario, load_scenario
@@ -90,15 +89,6 @@ def test_an_arm_that_compensates_gravity() -> None:
 
     own = scenario("controller.effort.gravity=robot_compensates")
     assert np.abs(efforts(own, command=with_gravity) - efforts(scenario())).max() < ROUNDING
-
-
-@pytest.mark.parametrize(
-    ("flags", "twist", "valid"),
-    [([0.0], 0.0, True), ([0.0, np.nan, 1.0], 1.0, True), ([np.nan, 0.0], 0.0, True), ([np.nan], 0.0, False)],
-)
-def test_an_unknown_flag_is_not_no_slip(flags: list[float], twist: float, valid: bool) -> None:
-    sample = slip_flag(3, np.array(flags))
-    assert (sample.valid, set(sample.twist.tolist())) == (valid, {twist})
 
 
 def test_a_flag_and_an_observer_do_not_go_together() -> None:

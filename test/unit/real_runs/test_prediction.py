@@ -12,8 +12,6 @@ from click.testing import CliRunner
 from tools.real_data import calibrate
 from tools.real_data.cross import predictions, rms_deg
 from tools.real_data.grasp import NAMES, lost_at, simulate, values
-from tools.real_data.predict import Ensemble, predict
-from tools.real_data.runs import pad_motion, read_pad_motion
 from tools.real_data.table import read_table
 from tools.real_runs import main
 
@@ -74,37 +72,6 @@ def test_runs_that_were_left_out():
     assert all(prediction.kept == run.kept for run, prediction in found)
     assert sum(inside(run, prediction) for run, prediction in found) == 7
     assert all(rms_deg(run, prediction) < 1.8 for run, prediction in found)
-
-
-def test_rest_is_predicted_to_rest():
-    t = np.arange(0.0, 3.0, 1.0 / 60.0)
-    pads = pad_motion(t, np.tile([0.5, 0.1], (t.size, 1)))
-    p = predict(pads, Ensemble(ENSEMBLE.standard[:3], ENSEMBLE.of_runs[:3], 0.1))
-    assert p.kept
-    assert np.abs(p.rotation).max() < 0.05
-
-
-def damaged(lines):
-    """Return rows as a logger in trouble writes them: repeated, out of order, not numbers, cut short."""
-    lines = [list(line) for line in lines]
-    lines[50][0] = "nan"
-    lines[60][2] = ""
-    lines[70] = lines[69]
-    lines[80], lines[81] = lines[81], lines[80]
-    del lines[100:104]
-    lines[120] = lines[120][:1]
-    return lines
-
-
-def test_damaged_files_change_little(tmp_path):
-    run = RUNS[2]
-    good = read_pad_motion(write_run(tmp_path / "good", run))
-    bad = read_pad_motion(write_run(tmp_path / "bad", run, damaged))
-    assert bad.time.size == good.time.size - 4
-    assert np.isfinite(np.array(bad)).all()
-    usual, other = predict(good, ENSEMBLE), predict(bad, ENSEMBLE)
-    assert other.kept == usual.kept
-    assert np.abs(np.interp(usual.time, other.time, other.rotation) - usual.rotation).max() < 0.5
 
 
 def test_predict_prints_json(tmp_path):
