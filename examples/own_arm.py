@@ -23,4 +23,4 @@ for path in write_arm(arm, {"paper_planar": task}, folder, file or Path("arm.urd
     print(path)
 
 run = slip_vic.load(folder / "paper_planar.yaml", law="governed", set=["bridge.duration_s=2.0"]).run()
-print(f"governed: {run.outcome}, slip {run.slip_mm:.2f} mm, final error {run.final_error_mm:.2f} mm")
+print(f"governed: {run.outcome}, slip {run.slip_mm:.2f} mm, goal error {run.final_error_mm:.2f} mm")

@@ -62,7 +62,7 @@ def run(
 ) -> None:
     """Run one scenario: bridge, controller and recorder as processes on DDS; --in-process needs no ROS.
 
-    Ends with slip, final error, arrival and changes of mode, except after more than a minute without --record.
+    Ends with slip, goal error, arrival and changes of mode, except after more than a minute without --record.
 
     Exit code 1 where the controller gave up, the object was lost, the path could not be followed or the arm saturated.
     """
@@ -145,7 +145,7 @@ def summary_lines(run: Run) -> Iterator[str]:
         error, arm = 1e3 * numbers["final_error_m"], f"{name}: " if name else ""
         yield (
             f"{arm}slip {1e3 * numbers['slip_linear_m']:.2f} mm, {math.degrees(numbers['slip_angular_rad']):.2f} deg; "
-            + ("at the end the law was not at work; " if math.isnan(error) else f"final error {error:.3f} mm; ")
+            + ("" if math.isnan(error) else f"goal error {error:.3f} mm; ")
             + ("does not arrive" if math.isnan(arrival) else f"arrives after {arrival:.2f} s")
         )
         changes = run.modes[name]

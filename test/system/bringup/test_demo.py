@@ -39,6 +39,6 @@ def test_bags_are_where_the_summary_says(demo: tuple[Path, str]) -> None:
 def test_table_and_files(demo: tuple[Path, str]) -> None:
     out, text = demo
     assert "slip at the end [mm]" in text
-    assert "classical / vic" in text
+    assert "path error, peak" in text
     files = ["classical", "governed", "report.html", "summary.json", "vic"]
     assert sorted(path.name for path in out.iterdir()) == files

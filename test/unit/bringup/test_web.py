@@ -3,6 +3,7 @@
 import base64
 import gzip
 import json
+import math
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +15,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from slip_core.errors import InputError
+from slip_core.types import AXES
 from slip_description import urdf_text
 from slip_vic.page import require_page, scripts
 from slip_vic.page.packing import ARRAY, Packer, compressed
@@ -22,7 +24,7 @@ from slip_vic.page.plots import plot_series
 from slip_vic.page.runs import grid, on_grid, series_of
 from slip_vic.page.urdf import links_of
 from slip_vic.run.data import ArmData, Channel, read_data
-from slip_vic.run.metrics import load_ratio, summarise
+from slip_vic.run.metrics import arrival_s, load_ratio, off_goal, summarise
 from test.support.two_arms import two_arms
 
 BAGS = Path(__file__).parents[3] / "bags"
@@ -111,6 +113,33 @@ def test_load_ratio_is_one_where_friction_gives_way() -> None:
     arm = ArmData("", "", (), parameters, {"wrench": Channel(np.arange(2.0), loads)})
     np.testing.assert_allclose(load_ratio(arm), [1.0, 1.0])
     assert np.isnan(load_ratio(replace(arm, parameters={}))).all()
+
+
+ROOT2, QUARTER = math.sqrt(2.0), math.pi / 2.0
+LEVER = {"contacts.position": [0.0, 0.0, 0.1], "contacts.orientation_xyzw": [0.0, 0.0, 0.0, 1.0]}
+GOALS = {
+    "the end of the path": ({"kind": "quintic", "displacement": [0.3, 0.0, 0.0]}, 0.3, (0.0, 0.0, 2.0)),
+    "not where the reference rests": ({"kind": "quintic", "displacement": [0.4, 0.0, 0.0]}, 0.3, (0.1, 0.0, math.nan)),
+    "with the attitude": ({"kind": "quintic", "rotation": [0.0, 0.0, 0.2]}, 0.0, (0.0, 0.2, math.nan)),
+    # the pad, 0.1 m above the centre that stays where it is, goes 0.1 m along x and 0.1 m down
+    "of the object": ({"kind": "quintic", "of": "object", "rotation": [0, QUARTER, 0]}, 0.0, (0.1 * ROOT2, QUARTER, math.nan)),
+    "of a stream that rests": ({"kind": "topic"}, 0.3, (0.0, 0.0, 2.0)),
+    "of a stream that moves": ({"kind": "topic"}, None, (math.nan, math.nan, math.nan)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", GOALS)
+def test_error_and_arrival_are_about_the_goal(name: str) -> None:
+    """The pad follows its reference, which is at its end from the third of five samples on, or moves 0.1 m in each."""
+    path, end, expected = GOALS[name]
+    pose = np.zeros((5, 6))
+    pose[:, 0] = 0.1 * np.arange(5) if end is None else end * np.array([0.0, 0.5, 1.0, 1.0, 1.0])
+    symbols = tuple(f"{kind}_{axis}" for kind in ("position", "desired") for axis in AXES)
+    law = Channel(np.arange(5.0), np.hstack((pose, pose)))
+    arm = ArmData("", "", (), {f"trajectory.{k}": v for k, v in path.items()} | LEVER, {"law": law}, symbols)
+    _, distances, angles = off_goal(arm)
+    found = (distances[-1], angles[-1], arrival_s(arm))
+    assert found == pytest.approx(expected, abs=1e-12, nan_ok=True)
 
 
 def test_a_run_is_read_on_the_grid() -> None:

@@ -15,7 +15,6 @@ from slip_vic.experiments.law import find_law
 from slip_vic.experiments.world import KEY, OWN_LAWS, World
 from slip_vic.run.in_process import Tick
 from slip_vic.run.judge import judge
-from slip_vic.run.metrics import off_goal_m
 from slip_vic.scenarios.scenario import Scenario
 
 OF_SUMMARY: Final = (
@@ -92,8 +91,7 @@ def play(ticks: Iterable[Tick], scenario: Scenario) -> tuple[str, str, dict[str,
     if run.outcome in LOST:
         del found["arrival_s"]
     else:
-        pairs = zip(arms, scenario.controllers.values(), strict=True)
-        found["off_goal_m"] = max(off_goal_m(one, params) for one, params in pairs)
+        found["off_goal_m"] = found["final_error_m"]
     return run.outcome, run.reason, found
 
 

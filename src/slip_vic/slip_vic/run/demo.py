@@ -13,7 +13,7 @@ from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
+from rich.table import Column, Table
 
 from slip_core.errors import InputError
 from slip_vic.options import Choice
@@ -21,7 +21,7 @@ from slip_vic.page.page import write_page
 from slip_vic.run.data import RunData
 from slip_vic.run.judge import judge_bag
 from slip_vic.run.launcher import Launcher
-from slip_vic.run.metrics import ROWS, summary_table
+from slip_vic.run.metrics import summary_table
 from slip_vic.run.prepare import prepare
 from slip_vic.run.progress import progress
 from slip_vic.run.run import Run
@@ -131,20 +131,12 @@ def all_laws(choice: Choice) -> dict[Law, Scenario]:
 
 
 def comparison_table(scenario: str, runs: Mapping[str, Mapping[str, Any]]) -> Table:
-    """Return the table the demo prints: one row per number, one column per controller, and classical over vic."""
-    table = Table(title=f"{scenario}: how much the object slips")
-    table.add_column("")
-    for name in runs:
-        table.add_column(name, justify="right")
-    table.add_column("classical / vic", justify="right")
-
-    slips = {label: [run[key] for run in runs.values()] for key, label, *_ in ROWS if key.startswith("slip_")}
+    """Return the table the demo prints: one row per number, one column per controller."""
+    table = Table("", *(Column(name, justify="right") for name in runs), title=f"{scenario}: what each law does")
     for label, texts in summary_table(runs).iterrows():
-        first, second, *_ = slips.get(str(label), (0.0, 0.0))
-        table.add_row(escape(str(label)), *texts, f"{first / second:.1f}" if second > 0.0 else "")
-    table.add_row("ticks", *(f"{run['ticks']:d}" for run in runs.values()), "")
+        table.add_row(escape(str(label)), *texts)
     if all("real_time_factor" in run for run in runs.values()):
-        table.add_row("simulated / wall time", *(f"{run['real_time_factor']:.2f}" for run in runs.values()), "")
+        table.add_row("simulated / wall time", *(f"{run['real_time_factor']:.2f}" for run in runs.values()))
     if any(run["outcome"] != "ok" for run in runs.values()):
-        table.add_row("outcome", *(str(run["outcome"]) for run in runs.values()), "")
+        table.add_row("outcome", *(str(run["outcome"]) for run in runs.values()))
     return table

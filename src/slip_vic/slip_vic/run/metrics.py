@@ -11,9 +11,10 @@ import pandas as pd
 from scipy.spatial.transform import Rotation
 
 from slip_core.arrays import Array
+from slip_core.params import build
 from slip_vic.run.data import ArmData
 from slip_vic.scenarios.reach import pad_path
-from slip_vic_controller.params.controller_params import ControllerParams
+from slip_vic_controller.params.controller_params import TrajectoryParams
 
 ARRIVED = 1e-3, float(np.radians(0.5))
 """[m], [rad]"""
@@ -25,8 +26,9 @@ def summarise(run: ArmData) -> dict[str, float]:
     """Return slip, tracking and effort of one run.
 
     slip_*: norm of the displacement of the pad on the object, at the end and at its peak, and peak sliding
-    speed. tracking_rms, final_error: norms of the pose error e of the law [m], [rad]. arrival_s:
-    from when on the pad stays within 1 mm and 0.5 degrees of the end of its path; NaN where it does not.
+    speed. off_path_m, attitude_excursion_rad and tracking_rms_*: the largest and the root mean square pose error e of
+    the law. final_error_*: how far the pad ends from its goal. arrival_s: from when on it stays within 1 mm and 0.5
+    degrees of its goal; NaN where it does not.
     effort_rate_rms: of the norm of the change of all efforts from tick to tick. What the law reports is NaN where it
     was never at work.
     """
@@ -38,6 +40,7 @@ def summarise(run: ArmData) -> dict[str, float]:
     if not len(evaluated):
         evaluated = np.full((1, 6), np.nan)
     rms = np.sqrt(np.mean(evaluated**2, axis=0))
+    end = [float(part[-1]) if len(part) else math.nan for part in off_goal(run)[1:]]
     return {
         "slip_linear_m": float(linear[-1]),
         "slip_angular_rad": float(angular[-1]),
@@ -45,9 +48,10 @@ def summarise(run: ArmData) -> dict[str, float]:
         "slip_speed_peak_m_s": float(np.linalg.norm(slip_velocity[:, :3], axis=1).max()),
         "tracking_rms_m": float(np.linalg.norm(rms[:3])),
         "tracking_rms_rad": float(np.linalg.norm(rms[3:])),
-        "final_error_m": float(np.linalg.norm(evaluated[-1, :3])),
-        "final_error_rad": float(np.linalg.norm(evaluated[-1, 3:])),
+        "final_error_m": end[0],
+        "final_error_rad": end[1],
         "arrival_s": arrival_s(run),
+        "off_path_m": float(np.linalg.norm(evaluated[:, :3], axis=1).max()),
         "attitude_excursion_rad": float(np.linalg.norm(evaluated[:, 3:], axis=1).max()),
         "effort_peak_nm": float(np.nanmax(np.abs(run.channel("effort").rows), initial=0.0)),
         "effort_rate_rms_n_m_s": effort_rate(run),
@@ -70,20 +74,47 @@ def load_ratio(run: ArmData) -> Array:
     return np.array(np.linalg.norm(wrench * slips / (1.0, 1.0, 1.0, radius, radius, radius), axis=1) / limit)
 
 
-def arrival_s(run: ArmData) -> float:
-    """Return from when on the pad stays within ARRIVED of the end of its path [s]; NaN where it does not get there."""
-    times, position, desired = _at_work(run)
+def goal_of(run: ArmData) -> tuple[Array, Rotation] | None:
+    """Return position [m] and attitude {w} of the goal of the pad; None where the run has none.
+
+    That of a built-in path is its end as planned: a governed path may rest before it, and a run may be over before. A
+    path of the object leads the pad where it is configured to grasp it. On a topic it is the last reference, if that
+    rests.
+    """
+    times, _, desired = _at_work(run)
     if not len(times):
+        return None
+    given = {name: run.parameters.get(f"trajectory.{name}") for name in TrajectoryParams.model_fields}
+    path = build(TrajectoryParams, {name: value for name, value in given.items() if value is not None}, "trajectory")
+    if given["kind"] in (None, "topic", "goal"):
+        speed = np.abs(np.diff(desired[-2:], axis=0)) / np.diff(times[-2:])[:, None]
+        return None if (speed > AT_REST).any() else (desired[-1, :3], Rotation.from_rotvec(desired[-1, 3:]))
+    way = pad_path(path, 2)[1][-1]
+    start, turned = Rotation.from_rotvec(desired[0, 3:]), Rotation.from_rotvec(way[3:])
+    goal = desired[0, :3] + way[:3]
+    if path.of == "object":
+        of_object = start * Rotation.from_quat(run.parameters["contacts.orientation_xyzw"][:4]).inv()
+        lever = of_object.apply(run.parameters["contacts.position"][:3])
+        goal = goal + turned.apply(lever) - lever
+    return goal, turned * start
+
+
+def off_goal(run: ArmData) -> tuple[Array, Array, Array]:
+    """Return how far the pad is from its goal while the law commands it: times [s], distances [m], angles [rad]."""
+    goal, (times, position, _) = goal_of(run), _at_work(run)
+    if goal is None:
+        return times, *np.full((2, len(times)), np.nan)
+    turned = goal[1].inv() * Rotation.from_rotvec(position[:, 3:])
+    return times, np.linalg.norm(position[:, :3] - goal[0], axis=1), turned.magnitude()
+
+
+def arrival_s(run: ArmData) -> float:
+    """Return from when on the pad stays within ARRIVED of its goal [s]; NaN where it does not get there."""
+    times, distances, angles = off_goal(run)
+    near = (distances < ARRIVED[0]) & (angles < ARRIVED[1])
+    if not near[-1:].any():
         return math.nan
-    goal = desired[-1]
-    if len(times) > 1 and np.abs(desired[-1] - desired[-2]).max() > AT_REST * (times[-1] - times[-2]):
-        return math.nan
-    turned = Rotation.from_rotvec(goal[3:]).inv() * Rotation.from_rotvec(position[:, 3:])
-    near = (np.linalg.norm(position[:, :3] - goal[:3], axis=1) < ARRIVED[0]) & (turned.magnitude() < ARRIVED[1])
-    if not near[-1]:
-        return math.nan
-    first = 0 if near.all() else int(np.flatnonzero(~near)[-1]) + 1
-    return float(times[first])
+    return float(times[0 if near.all() else int(np.flatnonzero(~near)[-1]) + 1])
 
 
 def _at_work(run: ArmData) -> tuple[Array, Array, Array]:
@@ -91,24 +122,6 @@ def _at_work(run: ArmData) -> tuple[Array, Array, Array]:
     position, desired = run.law_six("position"), run.law_six("desired")
     known = np.isfinite(np.hstack((position, desired))).all(axis=1)
     return run.channel("law").times[known], position[known], desired[known]
-
-
-def off_goal_m(run: ArmData, params: ControllerParams) -> float:
-    """Return how far the pad ends from the end of a built-in path as planned [m]; NaN where the law was never at work.
-
-    Wherever the reference rests: a governed path may rest before its end. A path of the object leads the pad where it
-    is configured to grasp it.
-    """
-    times, position, desired = _at_work(run)
-    if not len(times):
-        return math.nan
-    start, way, contacts = desired[0], pad_path(params.trajectory, 2)[1][-1], params.contacts
-    goal = start[:3] + way[:3]
-    if params.trajectory.of == "object":
-        of_object = Rotation.from_rotvec(start[3:]) * Rotation.from_quat(contacts.orientation_xyzw[:4]).inv()
-        lever = of_object.apply(contacts.position[:3])
-        goal += Rotation.from_rotvec(way[3:]).apply(lever) - lever
-    return float(np.linalg.norm(position[-1, :3] - goal))
 
 
 def effort_rate(run: ArmData) -> float:
@@ -137,10 +150,10 @@ ROWS: tuple[tuple[str, str, float, int], ...] = (
     ("slip_angular_rad", "slip at the end [deg]", _DEG, 2),
     ("slip_linear_peak_m", "peak slip [mm]", 1e3, 2),
     ("slip_speed_peak_m_s", "peak slip speed [mm/s]", 1e3, 1),
-    ("tracking_rms_m", "tracking rms [mm]", 1e3, 2),
-    ("tracking_rms_rad", "tracking rms [deg]", _DEG, 2),
-    ("final_error_m", "final error [mm]", 1e3, 3),
-    ("final_error_rad", "final error [deg]", _DEG, 3),
+    ("off_path_m", "path error, peak [mm]", 1e3, 2),
+    ("attitude_excursion_rad", "path error, peak [deg]", _DEG, 2),
+    ("final_error_m", "goal error [mm]", 1e3, 3),
+    ("final_error_rad", "goal error [deg]", _DEG, 3),
     ("arrival_s", "arrives after [s]", 1.0, 2),
     ("internal_peak_n", "internal force, peak [N]", 1.0, 2),
     ("load_peak", "load / friction limit, peak", 1.0, 2),

@@ -145,5 +145,5 @@ class Run:
         arrives = "does not arrive" if math.isnan(self.arrival_s) else f"arrives after {self.arrival_s:.2f} s"
         return (
             f"Run({self.scenario.name}, {self.scenario.law}: {self.outcome}{why}, slip {self.slip_mm:.2f} mm "
-            f"{self.slip_deg:.2f} deg, final error {self.final_error_mm:.3f} mm, {arrives})"
+            f"{self.slip_deg:.2f} deg, goal error {self.final_error_mm:.3f} mm, {arrives})"
         )
