@@ -115,14 +115,14 @@ def test_load_ratio_is_one_where_friction_gives_way() -> None:
     assert np.isnan(load_ratio(replace(arm, parameters={}))).all()
 
 
-ROOT2, QUARTER = math.sqrt(2.0), math.pi / 2.0
+ROOT2, QUARTER = 0.1 * math.sqrt(2.0), math.pi / 2.0
 LEVER = {"contacts.position": [0.0, 0.0, 0.1], "contacts.orientation_xyzw": [0.0, 0.0, 0.0, 1.0]}
 GOALS = {
     "the end of the path": ({"kind": "quintic", "displacement": [0.3, 0.0, 0.0]}, 0.3, (0.0, 0.0, 2.0)),
     "not where the reference rests": ({"kind": "quintic", "displacement": [0.4, 0.0, 0.0]}, 0.3, (0.1, 0.0, math.nan)),
     "with the attitude": ({"kind": "quintic", "rotation": [0.0, 0.0, 0.2]}, 0.0, (0.0, 0.2, math.nan)),
     # the pad, 0.1 m above the centre that stays where it is, goes 0.1 m along x and 0.1 m down
-    "of the object": ({"kind": "quintic", "of": "object", "rotation": [0, QUARTER, 0]}, 0.0, (0.1 * ROOT2, QUARTER, math.nan)),
+    "of the object": ({"kind": "quintic", "of": "object", "rotation": [0, QUARTER, 0]}, 0, (ROOT2, QUARTER, math.nan)),
     "of a stream that rests": ({"kind": "topic"}, 0.3, (0.0, 0.0, 2.0)),
     "of a stream that moves": ({"kind": "topic"}, None, (math.nan, math.nan, math.nan)),
 }  # fmt: skip
