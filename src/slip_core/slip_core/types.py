@@ -6,8 +6,8 @@ the time of measurement. 6-vectors are linear part first.
 
 from __future__ import annotations
 
-from dataclasses import MISSING, dataclass, fields
-from typing import Any, Final, Literal, TypeVar, cast, dataclass_transform, get_args
+from dataclasses import dataclass
+from typing import Final, Literal, TypeVar, dataclass_transform, get_args
 
 import numpy as np
 
@@ -28,21 +28,15 @@ def _frozen(values: Array) -> Array:
 
 @dataclass_transform(frozen_default=True)
 def sample(declared: type[T]) -> type[T]:
-    """Make a frozen dataclass with slots, whose constructor takes arrays as `_frozen` does.
+    """Make a frozen dataclass with slots, whose constructor takes arrays as `_frozen` does."""
+    arrays = tuple(name for name, kind in declared.__annotations__.items() if kind == "Array")
 
-    The constructor is put together as text, as `dataclass` does with its own: samples are made in every tick, and one
-    with a `__post_init__` costs three times as much.
-    """
-    made: Any = dataclass(frozen=True, slots=True, init=False)(declared)
-    given, lines = ["self"], []
-    scope: dict[str, Any] = {"keep": object.__setattr__, "frozen": _frozen}
-    for one in fields(made):
-        scope[f"default_{one.name}"] = one.default
-        given.append(one.name if one.default is MISSING else f"{one.name}=default_{one.name}")
-        lines.append(f"    keep(self, {one.name!r}, {f'frozen({one.name})' if one.type == 'Array' else one.name})")
-    exec("\n".join((f"def __init__({', '.join(given)}):", *lines)), scope)
-    made.__init__ = scope["__init__"]
-    return cast(type[T], made)
+    def freeze(self: T) -> None:
+        for name in arrays:
+            object.__setattr__(self, name, _frozen(getattr(self, name)))
+
+    declared.__post_init__ = freeze  # type: ignore[attr-defined]
+    return dataclass(frozen=True, slots=True)(declared)
 
 
 @sample
