@@ -117,15 +117,38 @@ def test_velocities_and_accelerations_are_the_derivatives_of_the_motion() -> Non
     np.testing.assert_allclose((v[2:] - v[:-2]) / (2 * h), motion.acceleration[1:-1], atol=1.01 * half_a_step)
 
 
-def test_a_path_of_joints_gives_the_same_timing_as_that_of_the_pad(tmp_path: Path) -> None:
-    loaded, source = scenario("paper_planar"), tmp_path / "path.csv"
+TURN = 0.6
+
+
+def turned(source: Path, loaded: Scenario, seconds: float) -> Array:
+    """Write a turn of the first joint, about the vertical, so that the pads stay level; return where it ends [rad]."""
     q = np.array(loaded.bridge.initial_position)
-    to = q + np.array([0.6, 0, 0, 0, 0, 0, 0])  # about the vertical: the pads stay level
+    to = q + np.array([TURN, 0, 0, 0, 0, 0, 0])
     share = np.linspace(0.0, 1.0, 60)
     smooth = share**3 * (10 - 15 * share + 6 * share**2)
     table = pd.DataFrame(q + smooth[:, None] * (to - q), columns=list(loaded.controller.joint_names))
-    table.insert(0, "time", 1.5 * share)
+    table.insert(0, "time", seconds * share)
     table.to_csv(source, index=False)
+    return to
+
+
+def test_a_joint_that_would_be_too_fast_is_named_with_its_share(tmp_path: Path) -> None:
+    loaded = scenario("paper_planar")
+    turned(tmp_path / "path.csv", loaded, 0.4)
+    done = retime(tmp_path / "path.csv", tmp_path / "out", "--set", "controller.governor.friction_limit=100.0")
+    assert done.exit_code == 0, done.exception
+    data = json.loads((tmp_path / "out" / "certificate.json").read_text())
+    limit = governed(loaded, "slow_down").robot.velocity_limit[0]
+    assert data["peak_velocity_share"] == pytest.approx(1.875 * TURN / 0.4 / limit, rel=0.01)
+    share, load = 100.0 * data["peak_velocity_share"], 100.0 * data["peak_share"]
+    assert f"\nwarning: arm_joint1 would need {share:.0f} % of its velocity limit\n" in done.output
+    assert f"\nload at most {load:.2f} % of the friction, at {data['peak_at_s']:.3f} s\n" in done.output
+    assert f"\nat most {data['deviation']:.3g} rad from the straight lines between the points\n" in done.output
+
+
+def test_a_path_of_joints_gives_the_same_timing_as_that_of_the_pad(tmp_path: Path) -> None:
+    loaded, source = scenario("paper_planar"), tmp_path / "path.csv"
+    to = turned(source, loaded, 1.5)
     first = retime(source, tmp_path / "a")
     assert first.exit_code == 0, first.exception
     data = json.loads((tmp_path / "a" / "certificate.json").read_text())
