@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import functools
 import itertools
+import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from slip_core.files.urdf import chain, is_physical, named, parse_urdf
 from slip_core.params import build
@@ -17,7 +19,7 @@ from slip_vic.run.in_process import run_in_process
 from slip_vic.scenarios.reach import REACHED, follow, pad_path
 from slip_vic.scenarios.scenario import load_scenario, read_parameters
 from slip_vic.setup.arm import posture
-from slip_vic.setup.arm.hand import find_hand
+from slip_vic.setup.arm.hand import find_hand, fingers
 from slip_vic.setup.arm.posture import Start
 from slip_vic.setup.arm.write import ROTOR, Arm, failing, write_arm
 from slip_vic.setup.arm.write_urdf import PAD, possible_inertia
@@ -68,11 +70,49 @@ def test_a_hand_at_its_last_joint_reaches_away_from_the_joint_before() -> None:
     assert [find_hand(parse_urdf(text)).approach for text in (forward, backward)] == ["x", "-x"]
 
 
+def test_the_joint_that_carries_a_gripper_is_no_finger() -> None:
+    """What closes is named after the gripper, or is between two of its links."""
+    hand = find_hand(parse_urdf(URDF.replace("link_6", "gripper_link")))
+    assert hand.joints == JOINTS
+    for name, child in (("gripper", "prop"), ("joint_7", "gripper_moving")):
+        closing = f"""<link name="{child}"/><joint name="{name}" type="revolute"><parent link="gripper_link"/>
+            <child link="{child}"/><limit lower="0" upper="1" effort="1" velocity="1"/></joint></robot>"""
+        bare = re.sub(r'<(link|joint) name="(left|right)_finger.*?</(link|joint)>', "", URDF).replace("gripper", "tool")
+        root = parse_urdf(bare.replace("link_6", "gripper_link").replace("</robot>", closing))
+        assert (fingers(root), find_hand(root).joints) == ({name}, JOINTS)
+
+
 def test_an_arm_without_a_gripper_closes_as_assumed() -> None:
     bare = URDF.replace("prismatic", "fixed")
     hand = find_hand(parse_urdf(bare))
     assert hand.normal == "y"
     assert "assumed" in hand.said[-1]
+
+
+def test_limits_that_are_unknown_are_given_or_assumed() -> None:
+    """Drives with loops of their own need no effort: the arm's weight at its end is more than any joint carries."""
+    none = URDF.replace('effort="150"', 'effort="-1"')
+    given = Arm(none, limits={"*": {"effort": 150.0}, "joint_6": {"effort": 28.0, "velocity": 2.0}}).robot
+    np.testing.assert_array_equal(given.effort_limit, [150.0] * 5 + [28.0])
+    np.testing.assert_array_equal(given.velocity_limit, [3.0] * 5 + [2.0])
+    assumed = Arm(none, by_effort=False)
+    stretched = np.abs(assumed.robot.gravity(np.array([0.0, np.pi / 2, 0.0, 0.0, 0.0, 0.0])))
+    assert (assumed.robot.effort_limit == assumed.robot.effort_limit[0]).all()
+    assert stretched.max() < assumed.robot.effort_limit[0] < 3.0 * stretched.max()
+    assert any("is assumed" in line for line in assumed.said)
+
+
+def test_an_arm_with_five_joints_goes_where_it_can() -> None:
+    """The pad stays level on the path, and the path turns it as the arm does."""
+    arm = Arm(URDF, locked={"joint_5": 0.0})
+    content, start, said = arm.task("paper_planar", 0.5)
+    assert start.way.given[:3].all()
+    assert not start.way.given.all()
+    assert "5 joints: the law commands x, y, z" in said[0]
+    first, last = (arm.robot.frame(q) for q in start.way.joints[[0, -1]])
+    turned = Rotation.from_rotvec(content["controller"]["trajectory"]["rotation"]).as_matrix()
+    np.testing.assert_allclose(last[1], turned @ first[1], atol=1e-6)
+    np.testing.assert_allclose(last[0] - first[0], [0.2, 0.15, 0.0], atol=2 * REACHED)
 
 
 def test_a_follower_stands_where_its_leader_puts_it() -> None:
@@ -168,7 +208,9 @@ TWO = URDF.replace("</robot>", "") + "".join(
 BAD = {
     "no file": (["nowhere.urdf"], "", ["nowhere.urdf"]),
     "unknown link": (["odd.urdf", "--ee", "tol0"], URDF, ["unknown link 'tol0'", "tool0"]),
-    "too few joints": (["odd.urdf", "--lock", "joint_3=0"], URDF, ["5 moving joints", "at least 6"]),
+    "too few joints": (
+        ["odd.urdf", *(f"--lock=joint_{i}=0" for i in (1, 2, 3, 4))], URDF, ["2 moving joints", "at least 3"]
+    ),
     "two arms": (["odd.urdf"], TWO, ["2 arms", "other_6"]),
     "no joint": (["odd.urdf"], '<robot name="x"><link name="a"/></robot>', ["no moving joint"]),
     "one axis for two": (["odd.urdf", "--approach", "z", "--normal", "-z"], URDF, ["--normal"]),
@@ -180,10 +222,16 @@ BAD = {
     "a missing limit": (
         ["odd.urdf"], with_joint(URDF, "joint_2", "<limit[^>]*>", ""), ["joint_2", "<limit", "--lock joint_2"]
     ),
-    "no effort": (["odd.urdf"], URDF.replace('effort="150"', 'effort="0"', 1), ["joint_1", "effort 0", "expected"]),
-    "two arms of five joints": (
-        ["odd.urdf", "--lock", "joint_3=0", "--lock", "other_joint_3=0"], TWO, ["5 moving joints", "--ee"]
+    "no effort": (["odd.urdf"], URDF.replace('effort="150"', 'effort="0"', 1), ["joint_1", "limit 0", "--limit"]),
+    "a placeholder for an effort": (["odd.urdf"], URDF.replace('effort="150"', 'effort="1"'), ["limit 1", "--drive"]),
+    "no velocity": (
+        ["odd.urdf", "--drive", "velocity_500"], URDF.replace('velocity="3"', 'velocity="-1"'), ["velocity limit -1"]
     ),
+    "a limit below 0": (["odd.urdf", "--limit", "*=-1,3"], URDF, ["--limit", "JOINT=EFFORT,VELOCITY"]),
+    "a limit of nothing": (["odd.urdf", "--limit", "elbow=1,3"], URDF, ["unknown joint 'elbow'"]),
+    "an argument without value": (["odd.urdf", "--arg", "size"], URDF, ["--arg", "NAME:=VALUE"]),
+    "an argument of a URDF": (["odd.urdf", "--arg", "size:=3"], URDF, ["arguments size", ".xacro"]),
+    "an origin that is no number": (["odd.urdf"], with_joint(URDF, "joint_2", "0 0 0.1", "0 0 nan"), ["joint_2"]),
     "a lock in millimetres": (
         ["odd.urdf", "--lock", "left_finger_joint=20"], URDF, ["--lock left_finger_joint", "within its limits"]
     ),

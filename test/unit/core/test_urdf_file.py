@@ -81,6 +81,18 @@ def test_what_is_named_goes_before_what_is_installed(tmp_path: Path) -> None:
     assert find_file("file:///a/b") == Path("/a/b")
 
 
+def test_arguments_are_given_or_named(file: Path) -> None:
+    """One that has no default is required; xacro itself accepts none."""
+    add_package(f"made_parts={file.parent / 'parts'}")
+    twice = read_urdf(str(file), "URDF", {"length": "0.5"})
+    assert [joint.find("origin").get("xyz") for joint in parse_urdf(twice).findall("joint")] == ["0 0 0.5", "0 0 1.0"]
+    required = BEAM.replace(' default="0.25"', "").replace('name="beam"', 'name="$(arg length)"')
+    file.write_text(required.replace("<xacro:include", '<xacro:arg name="mass" default="2"/><xacro:include'))
+    with pytest.raises(InputError, match=r"--arg NAME:=VALUE gives its arguments: length, mass \(default '2'\)"):
+        read_urdf(str(file), "URDF")
+    expect_beam(read_urdf(str(file), "URDF", {"length": "0.25"}))
+
+
 def test_xacro_that_cannot_be_expanded_is_one_line(file: Path, tmp_path: Path) -> None:
     add_package(f"made_parts={file.parent / 'parts'}")
     loop = '<xacro:macro name="m" params="a"><xacro:m a="1"/></xacro:macro><xacro:m a="1"/>'

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
 from slip_vic_controller.arm.robot import Robot
-from slip_vic_controller.law.torque import singularity_damping, smallest_singular_value
+from slip_vic_controller.law.torque import given_axes, singularity_damping, smallest_singular_value
 from test.support.call import call
 from test.support.law_cases import Case, random_case
 from test.support.small_arm import HOME, JOINT_NAMES, small_arm_urdf
 
 ROUNDING = 1e-9  # against explicit inverses, relative to torques of order 10
+ALL = np.ones(6, np.int64)
 NULL_ACCELERATION = 1e-10  # J B^-1 N^T tau_0 relative to accelerations of order 10
 
 
@@ -85,17 +88,44 @@ def test_null_space_torque_does_not_move_the_pad() -> None:
         assert np.abs(acceleration).max() < NULL_ACCELERATION * np.abs(M_inverse).max() * np.abs(null).max()
 
 
+def test_few_joints_give_the_axes_that_they_have() -> None:
+    """On the given axes the pad accelerates as commanded; the rank is that of J, and the others follow."""
+    for joints, seed in itertools.product((4, 5), range(3)):
+        case = random_case(seed, joints=joints)
+        case.config.nullspace_stiffness = case.config.nullspace_damping = case.config.sigma_min = 0.0
+        n, J = joints, np.array(case.arm.J[:, :joints])
+        given = ALL.copy()
+        call(given_axes, J, 1e-6, given)
+        assert given.tolist() == [1] * n + [0] * (6 - n)
+        case.config.sigma_min = 1e-6
+        found, arm = case.evaluate(), case.arm
+        qdd = np.linalg.solve(arm.M[:n, :n], found.tau[:n] + J.T @ found.h_ee - arm.bias[:n])
+        np.testing.assert_allclose((J @ qdd + arm.jdot_qd)[:n], found.a_C[:n], rtol=1e-6, atol=1e-6)
+        sigma = np.linalg.svd(J[:n])[1][-1]
+        assert call(smallest_singular_value, J, given, np.inf) == pytest.approx(sigma, rel=1e-6)
+        assert found.ok
+
+
+def test_an_axis_that_others_determine_is_not_given() -> None:
+    """A hand that a first joint turns as it carries it round: about x, then about z, is what nothing else gives."""
+    J = np.random.default_rng(2).normal(size=(6, 5))
+    J[3] = J[0] - 2.0 * J[1] + 1e-3 * J[5]
+    given = ALL.copy()
+    call(given_axes, J, 0.04, given)
+    assert given.tolist() == [1, 1, 1, 0, 1, 1]
+
+
 def test_smallest_singular_value_equals_svd() -> None:
     for seed in range(5):
         J = np.random.default_rng(seed).normal(size=(6, 7))
         sigma = np.linalg.svd(J)[1][-1]
-        assert call(smallest_singular_value, J, np.inf) == pytest.approx(sigma, rel=1e-9)
-        assert call(smallest_singular_value, J, 1.1 * sigma) == pytest.approx(sigma, rel=1e-9)
-        assert call(smallest_singular_value, J, 0.5 * sigma) == 0.5 * sigma
+        assert call(smallest_singular_value, J, ALL, np.inf) == pytest.approx(sigma, rel=1e-9)
+        assert call(smallest_singular_value, J, ALL, 1.1 * sigma) == pytest.approx(sigma, rel=1e-9)
+        assert call(smallest_singular_value, J, ALL, 0.5 * sigma) == 0.5 * sigma
         u, values, v = np.linalg.svd(J, full_matrices=False)
         values[-1] = 1e-6
         # the root of a difference near zero: 1e-16 of J J^T is 1e-8 of sigma
-        assert call(smallest_singular_value, (u * values) @ v, 0.1) == pytest.approx(1e-6, abs=1e-7)
+        assert call(smallest_singular_value, (u * values) @ v, ALL, 0.1) == pytest.approx(1e-6, abs=1e-7)
 
 
 def test_damping_is_zero_above_and_grows_smoothly_below() -> None:

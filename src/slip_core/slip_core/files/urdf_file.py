@@ -6,9 +6,9 @@ A xacro file is a program: it reads files and evaluates expressions. Expand only
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from slip_core.errors import InputError
 from slip_core.files.resources import find_file, open_file, read_text
@@ -26,36 +26,61 @@ def arm_urdf(params: ArmParams) -> str:
     return params.robot_description or read_urdf(params.robot_description_file, "parameter robot_description_file")
 
 
-def read_urdf(uri: str, what: str) -> str:
+def read_urdf(uri: str, what: str, arguments: Mapping[str, str] | None = None) -> str:
     """Return the URDF text behind ``package://<package>/<path>`` or a plain path, expanded where it is ``*.xacro``.
 
-    Arguments of a xacro file have their defaults; ``$(find NAME)`` is as in `find_file`.
+    ``$(find NAME)`` is as in `find_file`.
 
     Args:
         uri: of the file.
         what: names it in errors.
+        arguments: of a xacro file; others have their defaults.
 
     Raises:
         InputError: a file or package that is not there, or a xacro file that cannot be expanded.
     """
     open_file(find_file(uri), what).close()
-    return _expanded(find_file(uri), what) if uri.endswith(SUFFIX) else read_text(uri, what)
+    if uri.endswith(SUFFIX):
+        return _expanded(find_file(uri), what, arguments or {})
+    if arguments:
+        raise InputError(what, got=f"arguments {', '.join(arguments)}", expected=f"a file *{SUFFIX}, which takes them")
+    return read_text(uri, what)
 
 
-def _expanded(path: Path, what: str) -> str:
+def _expanded(path: Path, what: str, arguments: Mapping[str, str]) -> str:
     try:
         import xacro
         from xacro import substitution_args
     except ImportError:
         raise InputError(what, got=str(path), expected="the package that expands it", fix="pip install xacro") from None
+    declared = ""
     try:
+        xacro.init_stacks(str(path))
+        document = xacro.parse(None, str(path))
+        declared = _declared(document.getElementsByTagName("xacro:arg"), arguments)
         with _finding(substitution_args):
-            return str(xacro.process_file(str(path)).toxml())
+            xacro.process_doc(document, mappings=dict(arguments))
+        return str(document.toxml())
     except InputError:
         raise
     except Exception as error:  # expressions and macros of the file run here: anything may happen
         detail = " ".join(str(error).split()) or type(error).__name__
-        raise InputError(what, got=str(path), expected="a xacro file that can be expanded", fix=detail[:300]) from None
+        expected = f"a xacro file that can be expanded{declared if 'arg' in detail else ''}"
+        raise InputError(what, got=str(path), expected=expected, fix=detail[:300]) from None
+
+
+def _declared(declarations: Iterable[Any], given: Mapping[str, str]) -> str:
+    """Return in words which arguments a xacro file declares; one without a default has its given value for one.
+
+    `xacro` itself accepts no argument without a default.
+    """
+    words = []
+    for one in declarations:
+        name = one.getAttribute("name")
+        words.append(f"{name} (default {one.getAttribute('default')!r})" if one.hasAttribute("default") else name)
+        if name in given and not one.hasAttribute("default"):
+            one.setAttribute("default", given[name])
+    return f"; --arg NAME:=VALUE gives its arguments: {', '.join(words)}" if words else ""
 
 
 @contextlib.contextmanager

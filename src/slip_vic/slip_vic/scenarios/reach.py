@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -12,16 +12,19 @@ from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_sim_bridge.params import BridgeParams
 from slip_vic_controller.arm.robot import Robot
-from slip_vic_controller.params.controller_params import ControllerParams, TrajectoryParams
+from slip_vic_controller.law.torque import given_axes
+from slip_vic_controller.params.controller_params import ControllerParams, SingularityParams, TrajectoryParams
 from slip_vic_controller.path.paths import make_path, sample_path
 
+SIGMA_MIN: Final = SingularityParams().sigma_min
+"""Singular value of the Jacobian below which torques are damped, where nothing else is configured."""
 REACHED = 1e-4
 """[m, rad] Pose error below which a point counts as reached: a tenth of what counts as arriving."""
 POINTS = 60
 _ITERATIONS = 40
 _LONGEST_STEP = 0.3
 """[rad, m] of a joint in one iteration: longer ones jump to another branch of solutions."""
-_DAMPING = 1e-8 * np.eye(6)
+_DAMPING = 1e-8
 """Square of a singular value: keeps steps finite in singular postures."""
 _PULL = 0.3
 """Share of the way back to the first posture per iteration, in the null space: what the controller's spring does."""
@@ -33,7 +36,7 @@ class Way(NamedTuple):
     joints (k, n): positions at the points reached; share: reached part of the time, 1 = all;
     blocked: why it ends there, empty where it does not; margin (n,) [rad, m]: least distance to a limit;
     sigma: least singular value of the Jacobian; speed (n,): largest share of the velocity limit; load (n,): largest
-    share of the effort limit that arm and object at rest take.
+    share of the effort limit that arm and object at rest take; given (6,): axes that the arm gives in every posture.
     """
 
     joints: Array
@@ -43,19 +46,33 @@ class Way(NamedTuple):
     sigma: float
     speed: Array
     load: Array
+    given: Array
 
 
-def posture_for(robot: Robot, q: Array, position: Array, rotation: Array, home: Array) -> Array | None:
+def axes_of(J: Array, least: float) -> Array:
+    """Return which axes of the pad (6,) an arm with the Jacobian J (6, n) gives; least: as in `given_axes`."""
+    given = np.ones(6, np.int64)
+    given_axes(np.ascontiguousarray(J), least, given)
+    return given == 1
+
+
+def posture_for(
+    robot: Robot, q: Array, position: Array, rotation: Array, home: Array, least: float = SIGMA_MIN
+) -> Array | None:
     """Return joint positions with {ee} at a pose, by damped Gauss-Newton from `q` (n,); None where it fails.
 
-    position (3,) [m], rotation (3, 3) {w}; home (n,): posture that joints beyond six are pulled to.
+    Of an arm with fewer than six joints it is at the pose on the axes that the arm gives.
+
+    position (3,) [m], rotation (3, 3) {w}; home (n,): posture that other joints are pulled to; least: as in `axes_of`.
     """
     for _ in range(_ITERATIONS):
         error, J = robot.way_to(q, position, rotation)
+        given = axes_of(J, least)
+        error, J = error[given], J[given]
         if np.abs(error).max() < REACHED:
             return q
         back = _PULL * (home - q)
-        step = back + J.T @ np.linalg.solve(J @ J.T + _DAMPING, error - J @ back)
+        step = back + J.T @ np.linalg.solve(J @ J.T + _DAMPING * np.eye(len(J)), error - J @ back)
         q = q + step * min(1.0, _LONGEST_STEP / max(float(np.abs(step).max()), 1e-12))
     return None
 
@@ -68,15 +85,15 @@ def pad_path(trajectory: TrajectoryParams, points: int = POINTS) -> tuple[Array,
     return times, values
 
 
-def follow(robot: Robot, start: Array, times: Array, path: Array, payload: Array) -> Way:
+def follow(robot: Robot, start: Array, times: Array, path: Array, payload: Array, least: float = SIGMA_MIN) -> Way:
     """Follow a path, as `pad_path` gives it, from joint positions `start` (n,); payload (3,) [N] {w} hangs at {ee}."""
     position, rotation, _ = robot.frame(start)
     joints: list[Array] = []
-    sigma, load, blocked = math.inf, np.zeros(len(start)), ""
+    sigma, load, blocked, given = math.inf, np.zeros(len(start)), "", np.ones(6, bool)
     q = start
     for point in path:
         found = posture_for(
-            robot, q, position + point[:3], Rotation.from_rotvec(point[3:]).as_matrix() @ rotation, start
+            robot, q, position + point[:3], Rotation.from_rotvec(point[3:]).as_matrix() @ rotation, start, least
         )
         if found is None:
             blocked = "no posture of the arm gets the pad there"
@@ -89,7 +106,9 @@ def follow(robot: Robot, start: Array, times: Array, path: Array, payload: Array
         q = found
         joints.append(q)
         J = robot.frame(q)[2]
-        sigma = min(sigma, float(np.linalg.svd(J, compute_uv=False)[-1]))
+        axes = axes_of(J, least)
+        given &= axes
+        sigma = min(sigma, smallest(J[axes]))
         load = np.maximum(load, np.abs(robot.gravity(q) - J[:3].T @ payload) / robot.effort_limit)
     way = np.array(joints).reshape(-1, len(start))
     steps = np.diff(way, axis=0) / np.diff(times[: max(len(way), 1)])[:, None]
@@ -101,7 +120,13 @@ def follow(robot: Robot, start: Array, times: Array, path: Array, payload: Array
         sigma,
         (np.abs(steps) / robot.velocity_limit).max(axis=0, initial=0.0),
         load,
+        given,
     )
+
+
+def smallest(J: Array) -> float:
+    """Return the smallest singular value of a matrix."""
+    return float(np.linalg.svd(J, compute_uv=False)[-1])
 
 
 def check_start(robot: Robot, controller: ControllerParams, bridge: BridgeParams) -> None:
@@ -119,15 +144,15 @@ def check_start(robot: Robot, controller: ControllerParams, bridge: BridgeParams
                 "parameter initial_position", got=f"{name} at {start[j]:.4g}",
                 expected=f"within its limits {low:.4g}..{high:.4g}", fix=fix,
             )  # fmt: skip
-    sigma = float(np.linalg.svd(robot.frame(start)[2], compute_uv=False)[-1])
-    least = controller.singularity.sigma_min
+    J, least = robot.frame(start)[2], controller.singularity.sigma_min
+    sigma = smallest(J[axes_of(J, least)])
     if sigma < least:
         raise InputError(
             "parameter initial_position", got=f"a singular posture (least singular value of the Jacobian {sigma:.2g})",
             expected=f"at least singularity.sigma_min = {least:g}", fix=fix,
         )  # fmt: skip
     times, path = pad_path(controller.trajectory)
-    way = follow(robot, start, times, path, np.zeros(3))
+    way = follow(robot, start, times, path, np.zeros(3), least)
     if way.blocked:
         raise InputError(
             "parameter trajectory",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from pathlib import Path
 
@@ -16,11 +17,19 @@ AXIS = click.Choice(["x", "-x", "y", "-y", "z", "-z"])
 @click.command()
 @click.argument("urdf", type=click.Path(path_type=Path))
 @PACKAGE
+@click.option("--arg", "arguments", multiple=True, metavar="NAME:=VALUE", help="argument of a xacro file; repeatable")
 @click.option("--ee", "link", default="", metavar="LINK", help="link at the hand; default: found")
 @click.option("--approach", type=AXIS, default=None, help="its axis out of the hand; default: found")
 @click.option("--normal", type=AXIS, default=None, help="its axis along which the jaws close; default: found")
 @click.option("--reach", type=float, default=0.0, show_default=True, help="from it to the pad centre [m]")
 @click.option("--lock", "locks", multiple=True, metavar="JOINT=VALUE", help="keep a joint there; repeatable")
+@click.option(
+    "--limit",
+    "limits",
+    multiple=True,
+    metavar="JOINT=EFFORT,VELOCITY",
+    help="limits [N m, rad/s] that the file lacks; one may be empty, JOINT may be *; repeatable",
+)
 @click.option("--scenario", "scenarios", default="paper_planar", show_default=True, help="names, comma separated")
 @click.option("--scale", type=click.FloatRange(0.01, 10.0), default=1.0, show_default=True, help="size of the path")
 @DRIVE
@@ -28,11 +37,13 @@ AXIS = click.Choice(["x", "-x", "y", "-y", "z", "-z"])
 def arm(
     *,
     urdf: Path,
+    arguments: tuple[str, ...],
     link: str,
     approach: str | None,
     normal: str | None,
     reach: float,
     locks: tuple[str, ...],
+    limits: tuple[str, ...],
     scenarios: str,
     scale: float,
     drive: str,
@@ -40,15 +51,18 @@ def arm(
 ) -> None:
     """Make a folder that runs from an arm's URDF or xacro file: arm.urdf, scenarios, parameters for the real arm."""
     from slip_core.files.urdf_file import read_urdf
+    from slip_vic.presets.models import load_drive
     from slip_vic.setup.arm.write import Arm, way_table, write_arm
 
     made = Arm(
-        read_urdf(str(urdf), f"URDF {urdf}"),
+        read_urdf(str(urdf), f"URDF {urdf}", dict(map(_argument, arguments))),
         link=link,
         approach=approach or "",
         normal=normal or "",
         reach=reach,
         locked=dict(map(_position, locks)),
+        limits=dict(map(_limits, limits)),
+        by_effort=not drive or load_drive(drive).drive.interface == "effort",
     )
     for line in made.said:
         click.echo(line)
@@ -77,6 +91,37 @@ def _position(text: str) -> tuple[str, float]:
         return name, float(value)
     except ValueError:
         raise InputError("--lock", got=text, expected="JOINT=VALUE, e.g. torso_lift_joint=0.1") from None
+
+
+def _argument(text: str) -> tuple[str, str]:
+    """Read NAME:=VALUE.
+
+    Raises:
+        InputError: another form.
+    """
+    name, given, value = text.partition(":=")
+    if not (name and given):
+        raise InputError("--arg", got=text, expected="NAME:=VALUE, e.g. ur_type:=ur5e")
+    return name, value
+
+
+def _limits(text: str) -> tuple[str, dict[str, float]]:
+    """Read JOINT=EFFORT,VELOCITY, of which one may be empty.
+
+    Raises:
+        InputError: another form, or limits that are not above 0.
+    """
+    name, _, numbers = text.rpartition("=")
+    effort, _, velocity = numbers.partition(",")
+    try:
+        found = {key: float(word) for key, word in (("effort", effort), ("velocity", velocity)) if word.strip()}
+    except ValueError:
+        found = {}
+    if not name or not found or not all(math.isfinite(value) and value > 0.0 for value in found.values()):
+        raise InputError(
+            "--limit", got=text, expected="JOINT=EFFORT,VELOCITY above 0 [N m, rad/s], e.g. '*=28,3.1', '*=,3.1'"
+        )
+    return name, found
 
 
 @click.command()

@@ -19,7 +19,7 @@ from slip_vic_controller.law.evaluation import Evaluation
 from slip_vic_controller.law.gains import LawGains
 from slip_vic_controller.law.paper import Lambda, V_e, V_s, control_torque
 from slip_vic_controller.law.rotation import logarithm
-from slip_vic_controller.law.torque import smallest_singular_value
+from slip_vic_controller.law.torque import given_axes, smallest_singular_value
 from slip_vic_controller.sizes import Joints
 
 
@@ -122,7 +122,10 @@ def symbols(
 
     out.safe, out.near_singular_arm, out.near_singular_attitude = 0.0, v.near_singular_arm, v.near_singular_attitude
     out.gate, out.V_e, out.V_s = v.gate, V_e(gains.gains, v.e, v.e_dot), V_s(v_s)
-    out.sigma_min, out.damping_squared = smallest_singular_value(arm.J[:, :n], math.inf), v.damping_squared
+    given = np.empty(6, np.int64)
+    given_axes(arm.J[:, :n], config.sigma_min, given)
+    out.sigma_min = smallest_singular_value(arm.J[:, :n], given, math.inf)
+    out.damping_squared = v.damping_squared
     out.k_s, out.sliding, out.slip_significance = gains.gains.k_s, estimate.sliding, estimate.significance
     put_pose(out.position, vec(arm.position), R_ee)
     put_pose(out.desired, vec(reference.position), R_d)

@@ -1,6 +1,9 @@
 """From the control acceleration to joint torque: operational-space inertia, null space, singularities, limits.
 
 B_x = (J B^-1 J^T)^-1 and the dynamically consistent N are never formed: two Cholesky factors by loops.
+
+An arm with fewer than six joints gives fewer than six directions of the pad: the law commands those of `given_axes`,
+and the others follow from them.
 """
 
 from __future__ import annotations
@@ -13,7 +16,7 @@ import numpy as np
 from slip_core.arrays import Array
 from slip_core.cholesky import back_substitute, cholesky, forward_substitute
 from slip_core.compiled import part
-from slip_core.records import Records
+from slip_core.records import Records, WholeArray
 from slip_core.vectors import Spatial, mat, put_spatial, spatial
 from slip_vic_controller.law.arm import Arm
 from slip_vic_controller.law.config import LawConfig
@@ -46,7 +49,8 @@ def joint_torque(
     Implements: Eq. (9), (21), with tau_0 = -k (q - q_0) - d qd, or by a rate.
     """
     n = config.joints
-    J, M = arm.J[:, :n], arm.M[:n, :n]
+    J, M, given = arm.J[:, :n], arm.M[:n, :n], np.empty(6, np.int64)
+    given_axes(J, config.sigma_min, given)
     put_spatial(out.h_ee, mat(arm.rotation) @ spatial(samples[0].wrench))
     put_spatial(out.task, a_C - spatial(arm.jdot_qd))
     for j in range(n):
@@ -59,9 +63,12 @@ def joint_torque(
         return False, 0.0
     for i in range(6):
         forward_substitute(L, J[i], Y[i])  # Y = J L^-T
+        if given[i] == 0:
+            Y[i, :], out.task[i] = 0.0, 0.0
     A, C = np.empty((6, 6)), np.empty((6, 6))
     gram(Y, A)  # A = J B^-1 J^T
-    sigma = smallest_singular_value(J, config.sigma_min)
+    leave_out(given, A)
+    sigma = smallest_singular_value(J, given, config.sigma_min)
     damping_squared = singularity_damping(sigma, config.sigma_min, config.most_damping)
     if damping_squared > 0.0:
         for i in range(6):
@@ -147,14 +154,49 @@ def gram(Y: Array, S: Array) -> None:
 
 
 @part
-def smallest_singular_value(J: Array, limit: float) -> float:
-    """Return the smallest singular value of J (6, n) where it is below `limit`, else `limit`.
+def given_axes(J: Array, least: float, given: WholeArray) -> None:
+    """Write which directions of the pad an arm gives, 0 or 1 (6,): all, where it has six joints or more.
+
+    Else x, y, z, then each rotation whose row of the Jacobian is at least `least` long beside those before it.
+
+    Args:
+        J: Jacobian (6, n) {w}.
+        least: part of a row that counts.
+        given: result.
+    """
+    given[:] = 1
+    if J.shape[1] >= 6:
+        return
+    S = np.empty((6, 6))
+    gram(J, S)
+    for i in range(6):
+        given[i] = 1 if i < 3 or S[i, i] >= least * least else 0
+        if given[i] == 1 and S[i, i] > 0.0:
+            for k in range(i + 1, 6):
+                share = S[k, i] / S[i, i]
+                for j in range(i + 1, 6):
+                    S[k, j] -= share * S[i, j]
+
+
+@part
+def leave_out(given: WholeArray, S: Array) -> None:
+    """Take the axes that an arm does not give out of a symmetric matrix (6, 6), for which they count as x does."""
+    for i in range(6):
+        if given[i] == 0:
+            S[i, :], S[:, i] = 0.0, 0.0
+            S[i, i] = S[0, 0]
+
+
+@part
+def smallest_singular_value(J: Array, given: WholeArray, limit: float) -> float:
+    """Return the smallest singular value of the `given` rows of J (6, n) where it is below `limit`, else `limit`.
 
     J J^T - s^2 I has a Cholesky factor exactly where no singular value is below s. At the limit that is nearly always
     so; else bisection finds the s at which it ends.
     """
     S, L = np.empty((6, 6)), np.empty((6, 6))
     gram(J, S)
+    leave_out(given, S)
     low, high = 0.0, min(limit, math.sqrt(S[0, 0]))  # no row of J is shorter
     s = high
     for _ in range(BISECTIONS):

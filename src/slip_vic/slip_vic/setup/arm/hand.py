@@ -14,13 +14,15 @@ from slip_core.arrays import Array
 from slip_core.errors import InputError, UnknownName
 from slip_core.files.urdf import chain, end_of, moving, named, numbers_of
 
-LEAST_JOINTS = 6
-"""The law commands all six directions of the pad."""
+LEAST_JOINTS = 3
+"""They bring the pad to a place; what further ones turn it about, the law commands too."""
 
 AXES = {f"{sign}{name}": (-1.0 if sign else 1.0) * axis for name, axis in zip("xyz", np.eye(3), strict=True)
         for sign in ("", "-")}  # fmt: skip
 
-_FINGER = re.compile(r"finger|gripper|knuckle|jaw|thumb|hand_(index|little|middle|mrl|ring)", re.IGNORECASE)
+_FINGER = re.compile(r"finger|knuckle|jaw|thumb|hand_(index|little|middle|mrl|ring)", re.IGNORECASE)
+_GRIPPER = "gripper"
+"""Both the last link of an arm and what closes on it are called so."""
 _TIP_NAMES = ("grasp", "tcp", "tool0", "eef", "end_effector", "ee_link", "tool", "flange", "hand", "ee")
 """How links at the end of an arm are called, the surest first."""
 _ALONG = 0.9
@@ -63,7 +65,7 @@ def find_hand(
         locked: joints that stay where they are.
 
     Raises:
-        InputError: an unknown link, two arms, fewer than six joints, an axis that cannot be found.
+        InputError: an unknown link, two arms, too few joints, an axis that cannot be found.
     """
     links = named(root, "link")
     said = []
@@ -77,8 +79,8 @@ def find_hand(
         raise InputError(
             f"arm to link {link}",
             got=f"{len(joints)} moving joints ({', '.join(joints)})",
-            expected=f"at least {LEAST_JOINTS}: the law commands all six directions of the pad",
-            fix="--ee names the hand's link where another one is meant",
+            expected=f"at least {LEAST_JOINTS}, which bring the pad to a place",
+            fix=f"--ee names another link; left out: {', '.join(sorted(fingers(root)) or ['no finger'])}",
         )
     if not approach:
         approach = _approach(root, link, joints[-1])
@@ -93,13 +95,11 @@ def find_hand(
 
 def _last_link(root: Element, locked: tuple[str, ...]) -> str:
     """Return the link at the end of the longest chain of joints that are no fingers; by its name, where several are."""
-    joints = named(root, "joint")
-    fingers = {name for name, joint in joints.items() if _is_finger(joint)}
-    fingers |= {str(follows.get("joint")) for joint in joints.values() if (follows := joint.find("mimic")) is not None}
+    closing = fingers(root)
     counts: dict[str, int] = {}
     for link in named(root, "link"):
         names = moving(chain(root, link))
-        if not fingers & set(names):
+        if not closing & set(names):
             counts[link] = len([name for name in names if name not in locked])
     most = max((1, *counts.values()))
     ends = [link for link, count in counts.items() if count == most]
@@ -114,9 +114,24 @@ def _last_link(root: Element, locked: tuple[str, ...]) -> str:
     return ends[0]
 
 
-def _is_finger(joint: Element) -> bool:
-    words = f"{joint.get('name')} {end_of(joint, 'child')}"
-    return joint.find("mimic") is not None or (joint.get("type") != "fixed" and bool(_FINGER.search(words)))
+def fingers(root: Element) -> set[str]:
+    """Return the moving joints that close a hand: named as fingers are, coupled with another joint, or of a gripper.
+
+    The joint that carries a gripper is none: the gripper's own are named after it, or are between two of its links,
+    and carry no fingers.
+    """
+    joints = {name: joint for name, joint in named(root, "joint").items() if joint.get("type") != "fixed"}
+    found, carrying = set(), set()
+    for name, joint in joints.items():
+        follows = joint.find("mimic")
+        if follows is not None or _FINGER.search(f"{name} {end_of(joint, 'child')}"):
+            found |= {name, name if follows is None else str(follows.get("joint"))}
+            carrying |= set(moving(chain(root, end_of(joint, "parent"))))
+    for name, joint in joints.items():
+        ends = [end_of(joint, end).lower() for end in ("parent", "child")]
+        if name not in carrying and (_GRIPPER in name.lower() or all(_GRIPPER in end for end in ends)):
+            found.add(name)
+    return found
 
 
 def pose_of(joint: Element) -> tuple[Array, Array]:

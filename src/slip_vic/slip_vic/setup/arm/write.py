@@ -9,19 +9,21 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import yaml
+from scipy.spatial.transform import Rotation
 
 from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.files.plain_yaml import read_yaml
 from slip_core.files.urdf import NO_LIMIT, parse_urdf
 from slip_core.records import new, record
+from slip_core.types import AXES
 from slip_vic.presets import preset_text
 from slip_vic.scenarios.parameter_files import commented_file, write_files
 from slip_vic.scenarios.reach import pad_path
 from slip_vic.scenarios.scenario import NODES, Scenario, load_scenario
-from slip_vic.setup.arm.hand import LEAST_JOINTS, Hand, find_hand
+from slip_vic.setup.arm.hand import Hand, find_hand
 from slip_vic.setup.arm.posture import Start, best_start, postures
-from slip_vic.setup.arm.write_urdf import PAD, arm_urdf
+from slip_vic.setup.arm.write_urdf import PAD, Limits, arm_urdf
 from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.params.controller_params import ControllerParams
@@ -57,6 +59,8 @@ class Arm:
         link, approach, normal: of the hand; empty ones are found.
         reach: from the link's origin to the pad centre [m].
         locked: joints that stay somewhere: name -> position [rad, m].
+        limits: in the place of those of the file, as in `arm_urdf`.
+        by_effort: whether its drives take efforts.
 
     Raises:
         InputError: what keeps it from being used, with the name of the joint or link.
@@ -71,11 +75,13 @@ class Arm:
         normal: str = "",
         reach: float = 0.0,
         locked: dict[str, float] | None = None,
+        limits: Limits | None = None,
+        by_effort: bool = True,
     ) -> None:
         root = parse_urdf(text)
         stays = locked or {}
         self.hand: Hand = find_hand(root, link, approach, normal, tuple(stays))
-        self.urdf, said = arm_urdf(root, self.hand, reach, stays)
+        self.urdf, said = arm_urdf(root, self.hand, reach, stays, limits or {}, by_effort=by_effort)
         self.said = [*self.hand.said, *said]
         if not math.isfinite(reach) or abs(reach) > LONGEST_REACH_M:
             raise InputError("--reach", got=f"{reach:g}", expected=f"metres, within {LONGEST_REACH_M:g}")
@@ -106,7 +112,7 @@ class Arm:
         reason = failing(start, robot, controller)
         if start is None or reason:
             fix = "try a smaller --scale, another --scenario, --approach or --normal"
-            if len(self.hand.joints) > LEAST_JOINTS:
+            if len(self.hand.joints) > len(AXES):
                 fix += ", or keep a joint that is too slow where it is: --lock JOINT=VALUE"
             raise InputError(
                 f"scenario {known.name} with this arm",
@@ -114,15 +120,32 @@ class Arm:
                 expected="a start from which its path can be followed",
                 fix=fix,
             )
-        content, light = self._content(base, start, scale), self.light_joints(start.posture, controller)
-        if not light:
-            return content, start, []
-        content["shared"]["drive"] = {"armature": [ROTOR]}
-        said = (
-            f"{', '.join(light)}: hardly any inertia in the URDF, which leaves out rotors; drive.armature {ROTOR:g} "
-            "kg m2 is assumed for every joint: correct it from the data sheet"
+        content, said = self._content(base, start, scale), []
+        if not start.way.given.all():
+            said.append(self._follows(content["controller"]["trajectory"], start, path[-1]))
+        if light := self.light_joints(start.posture, controller):
+            content["shared"]["drive"] = {"armature": [ROTOR]}
+            said.append(
+                f"{', '.join(light)}: hardly any inertia in the URDF, which leaves out rotors; drive.armature "
+                f"{ROTOR:g} kg m2 is assumed for every joint: correct it from the data sheet"
+            )
+        return content, start, said
+
+    def _follows(self, trajectory: dict[str, Any], start: Start, end: Array) -> str:
+        """Let a path turn the hand as an arm with few joints does that follows it; return what is said of that.
+
+        trajectory: of the scenario file, changed; end: of its path (6,) [m, rad].
+        """
+        first, last = (self.robot.frame(q)[1] for q in start.way.joints[[0, -1]])
+        turned = [round(float(value), _ROUNDED) for value in Rotation.from_matrix(last @ first.T).as_rotvec()]
+        if "rotation" in trajectory:
+            trajectory["rotation"] = turned
+        axes = [[name for name, there in zip(AXES, start.way.given, strict=True) if there == kept] for kept in (1, 0)]
+        asked, does = (", ".join(f"{value:.3g}" for value in values) for values in (end[3:], turned))
+        return (
+            f"{len(self.hand.joints)} joints: the law commands {', '.join(axes[0])}; {', '.join(axes[1])} follow from "
+            f"the arm's posture, which turns the hand by [{does}] rad on this path, for [{asked}] in the scenario"
         )
-        return content, start, [said]
 
     def light_joints(self, q: Array, params: ControllerParams) -> list[str]:
         """Return the joints that feel hardly any inertia of the arm in a posture (n,), beside that of the object.
@@ -178,6 +201,10 @@ def failing(start: Start | None, robot: Robot, params: ControllerParams) -> str:
     worst = int(share.argmax())
     if share[worst] >= 1.0:
         return f"{robot.joint_names[worst]} at {100.0 * share[worst]:.0f} % of its {limit} limit on the path"
+    near = int(way.margin.argmin())
+    if way.margin[near] < params.safety.limits.position_margin:
+        margin = params.safety.limits.position_margin
+        return f"{robot.joint_names[near]} {way.margin[near]:.2g} rad from its limit on the path, inside {margin:g}"
     if way.sigma < least:
         return f"a path through a singular posture (least singular value {way.sigma:.2g}, sigma_min is {least:g})"
     return ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fnmatch
 import math
 from collections.abc import Mapping
 from xml.etree import ElementTree
@@ -14,17 +15,21 @@ from slip_core.arrays import Array
 from slip_core.errors import InputError, UnknownName
 from slip_core.files.urdf import (
     carried_links,
+    chain,
     end_of,
     fix,
     inertial,
     is_physical,
     named,
+    numbers_of,
     parse_urdf,
     usable_urdf,
 )
+from slip_core.grasp_params import ArmParams
 from slip_vic.setup.arm.hand import Hand, axis_of, pose_of
 
 PAD = "slip_pad"
+GRAVITY = float(np.linalg.norm(ArmParams().gravity))
 _SLACK = 1e-6
 """Part of the largest principal moment that the smallest two are given beyond what is just possible."""
 _GIMBAL = 1e-9
@@ -32,7 +37,13 @@ _SHAPE_RADIUS, _SHORTEST = 0.035, 0.02
 """[m] Cylinders that are drawn in the place of meshes, and the shortest lever that gets one."""
 
 
-def arm_urdf(root: Element, hand: Hand, reach: float, positions: Mapping[str, float]) -> tuple[str, list[str]]:
+Limits = Mapping[str, Mapping[str, float]]
+"""Limits by name of a joint, or a pattern such as *: "effort" [N m], "velocity" [rad/s], or one of them."""
+
+
+def arm_urdf(
+    root: Element, hand: Hand, reach: float, positions: Mapping[str, float], limits: Limits, *, by_effort: bool
+) -> tuple[str, list[str]]:
     """Return the URDF of an arm, ready for both nodes, and one line for each thing that had to be changed.
 
     Args:
@@ -40,11 +51,14 @@ def arm_urdf(root: Element, hand: Hand, reach: float, positions: Mapping[str, fl
         hand: where its hand is.
         reach: from the link's origin to the pad centre, along the approach [m].
         positions: where locked joints stay [rad, m]; 0, or the nearest limit, where there is none.
+        limits: in the place of those of the file.
+        by_effort: whether its drives take efforts.
 
     Raises:
         InputError: an unknown joint, or one without what a controller needs.
     """
     said: list[str] = []
+    _limit(root, hand, limits, said, by_effort=by_effort)
     _lock(root, hand, positions, said)
     _mend_inertias(root, hand, said)
     text = usable_urdf(ElementTree.tostring(root, encoding="unicode"), hand.link, hand.joints)
@@ -53,6 +67,50 @@ def arm_urdf(root: Element, hand: Hand, reach: float, positions: Mapping[str, fl
     _add_shapes(ready, hand)
     ElementTree.indent(ready)
     return ElementTree.tostring(ready, encoding="unicode", xml_declaration=True) + "\n", said
+
+
+def _limit(root: Element, hand: Hand, limits: Limits, said: list[str], *, by_effort: bool) -> None:
+    """Set the limits that are given; find those of the file that stand for unknown ones, as 0, -1 and 1 of all do."""
+    joints = {name: joint for name, joint in named(root, "joint").items() if name in hand.joints}
+    for pattern, given in limits.items():
+        chosen = fnmatch.filter(joints, pattern)
+        if not chosen:
+            raise UnknownName("joint", pattern, joints, where="--limit")
+        for name in chosen:
+            limit = joints[name].find("limit")
+            limit = SubElement(joints[name], "limit") if limit is None else limit
+            for key, value in given.items():
+                limit.set(key, f"{value:g}")
+    found = {name: joint.find("limit") for name, joint in joints.items() if joint.find("limit") is not None}
+    for key, unit in (("velocity", "rad/s"), ("effort", "N m")):
+        values = {name: numbers_of(limit, key, (0.0,))[0] for name, limit in found.items()}
+        same = set(values.values()) == {1.0} and not any(key in given for given in limits.values())
+        unknown = list(values) if same else [name for name, value in values.items() if value <= 0.0]
+        if same and key == "velocity":
+            said.append("velocity limits of 1 rad/s at all joints: where these are placeholders, --limit '*=,VELOCITY'")
+        elif unknown and key == "effort" and not by_effort:
+            most = _largest_effort(root, hand)
+            for name in unknown:
+                joints[name].find("limit").set(key, f"{most:.4g}")  # type: ignore[union-attr]
+            said.append(
+                f"no effort limit of {', '.join(unknown)}: {most:.3g} N m is assumed, the arm's weight at its end"
+            )
+        elif unknown:
+            form = "'*=,VELOCITY'" if key == "velocity" else "'*=EFFORT,'"
+            other = "" if key == "velocity" else ", or choose --drive with a position or velocity interface"
+            raise InputError(
+                f"URDF joint {', '.join(unknown)}", got=f"{key} limit {values[unknown[0]]:g}, which means unknown",
+                expected=f"a limit [{unit}]", fix=f"--limit {form} from the data sheet, or a joint's name for *{other}",
+            )  # fmt: skip
+
+
+def _largest_effort(root: Element, hand: Hand) -> float:
+    """Return the torque [N m] of the weight of all moving links at the end of the stretched arm: none needs more."""
+    links = named(root, "link")
+    mass = sum(
+        (inertial(links[one]) or (0.0,))[0] for group in carried_links(root, hand.joints).values() for one in group
+    )
+    return GRAVITY * mass * sum(float(np.linalg.norm(pose_of(joint)[0])) for joint in chain(root, hand.link))
 
 
 def _lock(root: Element, hand: Hand, positions: Mapping[str, float], said: list[str]) -> None:
