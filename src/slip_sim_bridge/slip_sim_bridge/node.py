@@ -31,7 +31,7 @@ from slip_msgs_py.fast_io import Refusals, create_sender
 from slip_msgs_py.messages import forms, to_msgs
 from slip_msgs_py.node_shell import Failures, GuardedNode
 from slip_msgs_py.qos import create_publisher, create_subscription
-from slip_msgs_py.realtime import set_up_interpreter
+from slip_msgs_py.realtime import set_up_process
 from slip_msgs_py.ros_params import OWN_TIME, allow_changes, declare_arms
 from slip_sim_bridge import pacing
 from slip_sim_bridge.arm_topics import ArmTopics
@@ -165,7 +165,7 @@ class SlipSimBridge(GuardedNode, Node):
         """Run until the duration is over or the process is asked to stop."""
         if not self._wait_for_peers(should_stop):
             return
-        set_up_interpreter()
+        set_up_process()
         emit("started")
         self.get_logger().info("matched: time runs")
         self._started_wall = time.monotonic()

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from slip_vic.run.launcher import RunResult
     from slip_vic.run.run import Run
 
+CORE = click.IntRange(min=0)
 LONGEST_JUDGED_S = 60.0
 """Longest run of which a bag is made only to judge it."""
 
@@ -43,9 +44,8 @@ def cli() -> None:
 @click.option("--record", type=click.Path(path_type=Path), help="record a bag into this new folder")
 @click.option("--namespace", default="", help="ROS namespace of all nodes")
 @DOMAIN_ID
-@click.option("--cpu", "cpus", help="core of bridge and controller, or two: 2,3; default in real time: the last two")
+@click.option("--cpu", "cores", type=CORE, multiple=True, help="both nodes' core, or bridge's and controller's")
 @click.option("--fifo", type=click.IntRange(1, 99), help="their SCHED_FIFO priority, where permitted")
-@click.option("--lock-memory", is_flag=True, help="keep their memory in RAM, where permitted")
 @IN_PROCESS
 @click.option("--page", type=click.Path(path_type=Path), help="write the page of the run")
 def run(
@@ -54,9 +54,8 @@ def run(
     record: Path | None,
     namespace: str,
     domain_id: int | None,
-    cpus: str | None,
+    cores: tuple[int, ...],
     fifo: int | None,
-    lock_memory: bool,
     in_process: bool,
     page: Path | None,
 ) -> None:
@@ -87,16 +86,15 @@ def run(
         if page is not None and not judged:
             got = f"no --record, and {loaded.duration_s:g} s"
             raise InputError("--page", got=got, expected="a bag to draw", fix="--record BAG")
-        from slip_msgs_py.realtime import ProcessOptions, parse_cores
         from slip_vic.run.judge import judge_bag
         from slip_vic.run.launcher import Launcher
+        from slip_vic.run.processes import Scheduling
         from slip_vic.run.progress import progress
 
-        process = ProcessOptions(parse_cores(cpus) if cpus else (), fifo, lock_memory)
         with tempfile.TemporaryDirectory(prefix="slip_vic_run_") as folder:
             launcher = Launcher(
                 loaded, bag=record or (Path(folder) / "bag" if judged else None),
-                wanted_domain=domain_id, namespace=namespace, process=process,
+                wanted_domain=domain_id, namespace=namespace, scheduling=Scheduling(cores, fifo),
             )  # fmt: skip
             with progress(console, unit=" s") as add_bar:
                 result = launcher.run(

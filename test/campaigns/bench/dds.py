@@ -5,8 +5,8 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
-from slip_msgs_py.realtime import ProcessOptions
 from slip_vic.run.launcher import Launcher, RunResult
+from slip_vic.run.processes import ANYWHERE, Scheduling
 from slip_vic.scenarios.scenario import Scenario, load_scenario
 
 SCENARIO = "paper_planar"
@@ -18,17 +18,17 @@ def lockstep_tick_s(scenario: Scenario, *, record: bool = False) -> float:
     return result.wall_time_s / result.ticks
 
 
-def free_run(rate_hz: int, duration_s: float, process: ProcessOptions) -> RunResult:
+def free_run(rate_hz: int, duration_s: float, scheduling: Scheduling) -> RunResult:
     """Run in real time at a rate, with the recorder; the result has the share of fresh ticks and the latencies."""
     scenario = load_scenario(
         SCENARIO,
         mode="realtime",
         assignments=(f"control_period_s={1.0 / rate_hz!r}", f"bridge.duration_s={duration_s}"),
     )
-    return _run(scenario, record=True, process=process)
+    return _run(scenario, record=True, scheduling=scheduling)
 
 
-def _run(scenario: Scenario, *, record: bool, process: ProcessOptions | None = None) -> RunResult:
+def _run(scenario: Scenario, *, record: bool, scheduling: Scheduling = ANYWHERE) -> RunResult:
     with tempfile.TemporaryDirectory(prefix="slip_vic_bench_") as folder:
         bag = Path(folder) / "bag" if record else None
-        return Launcher(scenario, bag=bag, process=process or ProcessOptions()).run()
+        return Launcher(scenario, bag=bag, scheduling=scheduling).run()

@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple
 
 import pandas as pd
 
-from slip_msgs_py.realtime import ProcessOptions
+from slip_vic.run.processes import ANYWHERE, Scheduling
 from slip_vic.scenarios.scenario import load_scenario
 from test.campaigns.bench import cost, dds
 from test.campaigns.bench.machine import calibration_s, fifo_permitted, machine
@@ -113,11 +113,11 @@ def _rounds(effort: Effort, say: Say) -> pd.DataFrame:
 
 def _free_running(effort: Effort) -> pd.DataFrame:
     """Run in real time with the recorder at every rate, as normal processes and under SCHED_FIFO where permitted."""
-    kinds = {"normal": ProcessOptions()} | ({"fifo": ProcessOptions(fifo=FIFO_PRIORITY)} if fifo_permitted() else {})
+    kinds = {"normal": ANYWHERE} | ({"fifo": Scheduling(fifo=FIFO_PRIORITY)} if fifo_permitted() else {})
     rows = {}
     for rate in RATES_HZ:
-        for kind, process in kinds.items():
-            result = dds.free_run(rate, effort.free_s, process)
+        for kind, scheduling in kinds.items():
+            result = dds.free_run(rate, effort.free_s, scheduling)
             rows[f"{rate}_{kind}"] = {
                 "fresh": result.timing["fresh_share"], "missed": result.timing["missed"],
                 "recorder_lost": float(result.lost), "real_time_factor": result.real_time_factor,

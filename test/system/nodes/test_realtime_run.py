@@ -9,9 +9,9 @@ import pytest
 
 from slip_bags.reader import Bag
 from slip_core.stamps import stamp_to_ns
-from slip_msgs_py.realtime import ProcessOptions
 from slip_sim_bridge import pacing
 from slip_vic.run.launcher import Launcher
+from slip_vic.run.processes import Scheduling
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.node import timing
 
@@ -30,7 +30,7 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("realtime") / "bag"
     scenario = load_scenario("paper_planar", mode="realtime", assignments=ASSIGNMENTS)
     # A priority that no system has: the run must go on without it, and say so.
-    result = Launcher(scenario, bag=folder, process=ProcessOptions(fifo=1000)).run()
+    result = Launcher(scenario, bag=folder, scheduling=Scheduling(fifo=1000)).run()
     assert result.ticks == DURATION_S * 1e9 / PERIOD_NS
     assert result.lost == 0
     assert 0.0 <= result.timing["fresh_share"] <= 1.0

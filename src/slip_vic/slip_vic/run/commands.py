@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Final
 
 from slip_core.params import ParameterModel
 from slip_core.topics import TOPICS
 from slip_core.types import INTERFACES
-from slip_msgs_py.realtime import ProcessOptions
 from slip_vic.run.processes import python_module
 from slip_vic.run.versions import git_revision, versions
 from slip_vic.scenarios.scenario import NODES, Scenario, ros_parameter_file
 from slip_vic_controller.params.node_params import ControllerNodeParams
 
-NO_OPTIONS: Final = ProcessOptions()
 SLIP_TOPICS = {"slip_velocity": "twist", "slip_displacement": "displacement", "slip_flag": "flag"}
 
 
@@ -75,15 +72,8 @@ def recorder_command(scenario: Scenario, bag: Path, folder: Path, namespace: str
     return python_module("slip_bags.cli", *arguments)
 
 
-def node_command(
-    name: str, params: ParameterModel, folder: Path, *words: str, process: ProcessOptions = NO_OPTIONS
-) -> list[str]:
-    """Return the command of a node whose parameter file is written into `folder`; words: further ROS arguments.
-
-    process: cores, priority and memory, which are set before the node's module is imported.
-    """
+def node_command(name: str, params: ParameterModel, folder: Path, *words: str) -> list[str]:
+    """Return the command of a node whose parameter file is written into `folder`; words: further ROS arguments."""
     node, path = NODES[name][0], folder / f"{name}.yaml"
     path.write_text(ros_parameter_file(params, node), encoding="utf-8")
-    command = [f"{node}.main", "--ros-args", "--params-file", str(path), *words]
-    options = process.arguments()
-    return python_module("slip_msgs_py.realtime", *options, *command) if options else python_module(*command)
+    return python_module(f"{node}.main", "--ros-args", "--params-file", str(path), *words)

@@ -13,12 +13,11 @@ from slip_core.errors import InputError, ProtocolError
 from slip_core.incidents import Incident
 from slip_msgs_py.environment import check_ros
 from slip_msgs_py.events import Event
-from slip_msgs_py.realtime import ProcessOptions
 from slip_msgs_py.stop_flag import StopFlag
-from slip_vic.run.commands import NO_OPTIONS, node_command, recorder_command
+from slip_vic.run.commands import node_command, recorder_command
 from slip_vic.run.domain import chosen_domain, domain_id
 from slip_vic.run.prepare import prepare
-from slip_vic.run.processes import Child, ProcessGroup, child_environment, python_module
+from slip_vic.run.processes import ANYWHERE, Child, ProcessGroup, Scheduling, child_environment
 from slip_vic.scenarios.scenario import Scenario
 
 READY_TIMEOUT_S = 60.0
@@ -60,8 +59,8 @@ class Launcher:
         bag: folder to record into, None records nothing; it must not exist yet.
         wanted_domain: ROS domain id, None takes ROS_DOMAIN_ID or a free one.
         namespace: ROS namespace of all nodes.
-        process: cores, priority and memory of bridge and controller: one core for both, or the bridge's and the
-            controller's; without cores, in real time the last two.
+        scheduling: of bridge and controller: one core for both, or the bridge's and the controller's; without cores, in
+            real time the last two. The recorder runs on the others.
 
     Raises:
         InputError: parameters and URDF that do not fit, a bag folder that is taken, a domain out of range.
@@ -74,14 +73,14 @@ class Launcher:
         bag: Path | None = None,
         wanted_domain: int | None = None,
         namespace: str = "",
-        process: ProcessOptions = NO_OPTIONS,
+        scheduling: Scheduling = ANYWHERE,
     ) -> None:
         self._scenario = scenario
         self._bag = bag
         self._on_progress: Callable[[float], None] = lambda _: None
         self._wanted_domain = chosen_domain(wanted_domain)
         self._namespace = f"/{namespace.strip('/')}" if namespace else ""
-        self._process = _with_cores(process, scenario.arms[0][1].mode)
+        self._scheduling = _with_cores(scheduling, scenario.arms[0][1].mode)
         self.warnings: list[str] = []
         self._incidents: list[Incident] = []
         self._stop = StopFlag()
@@ -121,21 +120,22 @@ class Launcher:
         recording = self._bag is not None
         scenario = self._scenario
         # The bridge starts last: it needs the others, and its first output is the run's first tick.
-        order: list[tuple[str, list[str]]] = []
+        cores, words = self._scheduling.cores, ["-r", f"__ns:={self._namespace}"] if self._namespace else []
+        order: list[tuple[str, list[str], Scheduling]] = []
         if self._bag is not None:
+            others = os.sched_getaffinity(0) - set(cores) if cores else ()
             recorder = recorder_command(scenario, self._bag, folder, self._namespace)
-            order.append(("recorder", self._on_other_cores(recorder)))
+            order.append(("recorder", recorder, Scheduling(tuple(others))))
         counts = {"expected_subscribers": 2 if recording else 1}  # each waits for the other one and the recorder
         ready = replace(
             scenario,
             controllers={name: params.model_copy(update=counts) for name, params in scenario.controllers.items()},
             bridges={name: params.model_copy(update=counts) for name, params in scenario.bridges.items()},
         )
-        cores, words = self._process.cpus, ["-r", f"__ns:={self._namespace}"] if self._namespace else []
         for name, own in (("controller", cores[-1:]), ("bridge", cores[:1])):
-            process = replace(self._process, cpus=own)
-            order.append((name, node_command(name, getattr(ready, name), folder, *words, process=process)))
-        children = {name: group.start(name, argv, environment, self.note) for name, argv in order}
+            command = node_command(name, getattr(ready, name), folder, *words)
+            order.append((name, command, replace(self._scheduling, cores=own)))
+        children = {name: group.start(name, argv, environment, self.note, how) for name, argv, how in order}
         self._wait(
             group, lambda: children["bridge"].last("started") is not None, READY_TIMEOUT_S, "the processes to get ready"
         )
@@ -147,13 +147,6 @@ class Launcher:
         result = self._result(children)
         self._on_progress(result.sim_time_s)
         return result
-
-    def _on_other_cores(self, command: list[str]) -> list[str]:
-        """Keep a helper process off the cores of bridge and controller, where there are others."""
-        others = tuple(sorted(os.sched_getaffinity(0) - set(self._process.cpus)))
-        if not self._process.cpus or not others:
-            return command
-        return python_module("slip_msgs_py.realtime", *ProcessOptions(others).arguments(), *command[2:])
 
     def note(self, name: str, event: Event) -> None:
         """Take one event of a child; called from its reader thread."""
@@ -205,12 +198,12 @@ class Launcher:
         return {key: float(value) for key, value in said.items() if key.startswith(TIMING)}
 
 
-def _with_cores(options: ProcessOptions, mode: str) -> ProcessOptions:
+def _with_cores(scheduling: Scheduling, mode: str) -> Scheduling:
     """Choose the cores where none are chosen: in real time one each, bridge and controller may be busy all the time."""
     cores = tuple(sorted(os.sched_getaffinity(0)))
-    if mode != "realtime" or options.cpus or len(cores) < 2:
-        return options
-    return replace(options, cpus=cores[-2:])
+    if mode != "realtime" or scheduling.cores or len(cores) < 2:
+        return scheduling
+    return replace(scheduling, cores=cores[-2:])
 
 
 def _check_new_folder(bag: Path) -> None:

@@ -10,8 +10,9 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
-from typing import IO, Any
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import IO, Any, Final
 
 import psutil
 
@@ -24,6 +25,45 @@ GRACE_S = 5.0
 HASTE_S = 3.0  # nodes end by themselves before that (`node_main.LONGEST_END_S`)
 
 
+@dataclass(frozen=True, slots=True)
+class Scheduling:
+    """The cores of a process (empty: all) and its SCHED_FIFO priority (1 to 99)."""
+
+    cores: tuple[int, ...] = ()
+    fifo: int | None = None
+
+    @contextlib.contextmanager
+    def inherited(self) -> Iterator[list[str]]:
+        """Let processes that this thread starts inside the block run so; yield one line per thing that was refused.
+
+        The middleware's threads inherit it from the process: set later it would miss them.
+        """
+        refused = []
+        cores, policy, priority = os.sched_getaffinity(0), os.sched_getscheduler(0), os.sched_getparam(0)
+        if self.cores:
+            try:
+                os.sched_setaffinity(0, self.cores)
+            except (OSError, OverflowError):
+                wanted, free = (", ".join(map(str, sorted(some))) for some in (self.cores, cores))
+                refused.append(f"core {wanted} is not available; running on {free}")
+        if self.fifo is not None:
+            try:
+                os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(self.fifo))
+            except OSError as error:
+                refused.append(
+                    f"SCHED_FIFO {self.fifo} is not permitted ({error.strerror}); running at normal priority "
+                    "(allow it with `rtprio 99` in /etc/security/limits.conf or with CAP_SYS_NICE)"
+                )
+        try:
+            yield refused
+        finally:
+            os.sched_setscheduler(0, policy, priority)
+            os.sched_setaffinity(0, cores)
+
+
+ANYWHERE: Final = Scheduling()
+
+
 class Child:
     """One supervised process: JSON events on its stdout, everything else kept as its last lines.
 
@@ -32,10 +72,16 @@ class Child:
         argv: program and arguments.
         environment: complete environment of the child.
         on_event: called from a reader thread with (name, event).
+        scheduling: its cores and priority; what is refused becomes a warning.
     """
 
     def __init__(
-        self, name: str, argv: Sequence[str], environment: Mapping[str, str], on_event: Callable[[str, Event], None]
+        self,
+        name: str,
+        argv: Sequence[str],
+        environment: Mapping[str, str],
+        on_event: Callable[[str, Event], None],
+        scheduling: Scheduling = ANYWHERE,
     ) -> None:
         self.name = name
         self._on_event = on_event
@@ -43,16 +89,19 @@ class Child:
         self.line_count = 0
         self._last: dict[Kind, Mapping[str, Any]] = {}
         # A session of its own: Ctrl-C reaches the launcher alone, which then ends the children in order.
-        self._process = subprocess.Popen(
-            list(argv),
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            errors="replace",
-            env=dict(environment),
-            start_new_session=True,
-        )
+        with scheduling.inherited() as refused:
+            self._process = subprocess.Popen(
+                list(argv),
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                text=True,
+                errors="replace",
+                env=dict(environment),
+                start_new_session=True,
+            )
+        for line in refused:
+            on_event(name, Event("warning", {"text": line}))
         self._readers = [
             threading.Thread(target=self._read, args=(stream, is_stdout), daemon=True)
             for stream, is_stdout in ((self._process.stdout, True), (self._process.stderr, False))
@@ -133,10 +182,15 @@ class ProcessGroup:
         self.stop(self.children, in_haste=True)
 
     def start(
-        self, name: str, argv: Sequence[str], environment: Mapping[str, str], on_event: Callable[[str, Event], None]
+        self,
+        name: str,
+        argv: Sequence[str],
+        environment: Mapping[str, str],
+        on_event: Callable[[str, Event], None],
+        scheduling: Scheduling = ANYWHERE,
     ) -> Child:
         """Start one child and return it."""
-        child = Child(name, argv, environment, on_event)
+        child = Child(name, argv, environment, on_event, scheduling)
         self.children.append(child)
         return child
 

@@ -29,7 +29,7 @@ from slip_msgs_py.fast_io import Refusals, create_receiver
 from slip_msgs_py.messages import to_msgs
 from slip_msgs_py.node_shell import Failures, GuardedNode, fails_loudly
 from slip_msgs_py.qos import create_publisher
-from slip_msgs_py.realtime import set_up_interpreter
+from slip_msgs_py.realtime import set_up_process
 from slip_msgs_py.ros_params import OWN_TIME, allow_changes, declare_arms
 from slip_vic_controller.node.arm_topics import LOOK_S, STATE_DEPTH, ArmTopics
 from slip_vic_controller.node.task_topics import TaskTopics
@@ -271,7 +271,7 @@ class SlipVicController(GuardedNode, LifecycleNode):
         if missing := self._peers():
             self._waiting.tell("; ".join(missing))
             return
-        set_up_interpreter()
+        set_up_process()
         self._ready = True
         self._pub_ready.publish(to_msgs.string("controller"))
         emit("ready")
