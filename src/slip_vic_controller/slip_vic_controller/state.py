@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 from slip_core.arrays import Array
 from slip_core.records import Mat3, Real, Record, Records, Vec3, Vec6, Whole, WholeArray, dtype_of
 from slip_vic_controller.arm.command import CommandLimits, SentCommand
-from slip_vic_controller.arm.joint_estimate import EstimatorConfig, JointEstimate
+from slip_vic_controller.arm.joint_estimate import EstimatorConfig, JointEstimate, JointRecord
 from slip_vic_controller.arm.tare import Tare, TareConfig
 from slip_vic_controller.contact.layouts import Motion, Observer, ObserverConfig
 from slip_vic_controller.governor.grip import Grip, GripConfig
@@ -33,7 +33,6 @@ from slip_vic_controller.safety.modes import ModeState
 from slip_vic_controller.safety.validation import (
     JointInput,
     JointLimits,
-    JointRecord,
     SlipQueue,
     VectorInput,
     VectorLimits,
@@ -229,6 +228,17 @@ class CycleOutputs(Record):
     law: Evaluation
     estimate: SlipEstimate
     joints: JointRecord  # as estimated, zeros without an estimate; `effort` is that of the disturbance
+
+
+class ArmCycle(NamedTuple):
+    """An arm in a cycle: what is configured and remembered, what comes in and what goes out."""
+
+    config: ControllerConfig
+    task: TaskState
+    state: ArmState
+    inputs: CycleInputs
+    outputs: CycleOutputs
+    lead: bool  # whether it is the first arm, whose path is that of the object
 
 
 OUTPUTS = dtype_of(CycleOutputs)

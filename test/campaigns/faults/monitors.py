@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_vic_controller.arm.plausibility import BLIND_S
+from slip_vic_controller.arm.estimator import BLIND_S
 from slip_vic_controller.params.safety_params import SafetyParams
 from test.campaigns.faults.plan import JOINT, SLIP, WRENCH
 

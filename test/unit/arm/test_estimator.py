@@ -20,8 +20,8 @@ from slip_vic_controller.arm.config import (
 )
 from slip_vic_controller.arm.disturbance import oppose_disturbance
 from slip_vic_controller.arm.estimator import (
+    BIAS,
     estimate_joints,
-    pad_variances,
     remember_input,
     transition,
 )
@@ -32,8 +32,8 @@ from slip_vic_controller.arm.joint_estimate import (
     Trust,
     clear_findings,
 )
-from slip_vic_controller.arm.plausibility import BIAS
 from slip_vic_controller.contact.layouts import MOTION
+from slip_vic_controller.cycle.sensing import pad_variances
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.safety.conditions import NOTHING, Reason, read_why

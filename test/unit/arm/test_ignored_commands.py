@@ -15,7 +15,7 @@ from slip_vic_controller.arm.command import (
     Interface,
     ignored_joint,
 )
-from slip_vic_controller.arm.plausibility import LASTS_S, MOVES
+from slip_vic_controller.arm.estimator import LASTS_S, MOVES
 from slip_vic_controller.safety.modes import Mode
 from test.support.call import call
 from test.support.watched_loop import WatchedLoop

@@ -8,7 +8,7 @@ import pytest
 from slip_vic_controller.contact.config import capacity
 from slip_vic_controller.contact.history import append
 from slip_vic_controller.contact.layouts import ROW, WITNESSES
-from slip_vic_controller.contact.slip import contradicted_since
+from slip_vic_controller.contact.observer import contradicted_since
 from test.support.call import call
 from test.unit.contact.ride import SENSOR
 from test.unit.contact.rig import MS, Bench, Observer, given, make_motion, make_params, six

@@ -118,8 +118,8 @@ OWN = {  # layers inside a package: what of the own package a part may import
             "law.extensions",
             "law.evaluation",
             "arm.command",
+            "arm.estimator",
             "arm.joint_estimate",
-            "arm.plausibility",
             "arm.tare",
         )
     }

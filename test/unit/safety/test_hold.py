@@ -11,6 +11,7 @@ import pytest
 
 from slip_core.records import dtype_of, new, record
 from slip_vic.scenarios.scenario import load_scenario
+from slip_vic_controller.arm.joint_estimate import JOINT_SAMPLE
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.params.safety_params import SafetyParams
 from slip_vic_controller.safety.hold import (
@@ -24,7 +25,6 @@ from slip_vic_controller.safety.hold import (
     update_load_error,
 )
 from slip_vic_controller.safety.modes import Mode
-from slip_vic_controller.safety.validation import JOINT_SAMPLE
 from slip_vic_controller.state import CONFIG
 from test.referees.law_referee import S, exponential, two
 from test.support.call import call

@@ -17,7 +17,7 @@ from slip_core.arrays import Array
 from slip_core.cholesky import LARGEST, back_substitute, cholesky, forward_substitute
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Whole, WholeArray, dtype_of
-from slip_vic_controller.arm.plausibility import LASTS_S, MOVES
+from slip_vic_controller.arm.estimator import LASTS_S, MOVES
 from slip_vic_controller.sizes import MAX_JOINTS, Joints
 
 LEAD: Final = 0.5

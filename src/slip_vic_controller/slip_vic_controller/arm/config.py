@@ -12,9 +12,8 @@ from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.matrices import product, riccati, solve
 from slip_core.records import new, record
-from slip_vic_controller.arm.estimator import transition
+from slip_vic_controller.arm.estimator import BIAS, DIFFERENCE, MEAN_S, SIGNIFICANT, transition
 from slip_vic_controller.arm.joint_estimate import ESTIMATOR_CONFIG, MAX_LATENCY, QUICK, EstimatorConfig, Trust
-from slip_vic_controller.arm.plausibility import BIAS, DIFFERENCE, MEAN_S, SIGNIFICANT
 from slip_vic_controller.arm.tare import Mean, Tare, deviation
 from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.sizes import MAX_JOINTS

@@ -7,8 +7,8 @@ from typing import Final
 
 from slip_core.arrays import Array
 from slip_core.compiled import part
+from slip_vic_controller.arm.estimator import LASTS_S, MEAN_S, contradiction, is_unmeasured
 from slip_vic_controller.arm.joint_estimate import EstimatorConfig, JointEstimate, Trust, find
-from slip_vic_controller.arm.plausibility import LASTS_S, MEAN_S, contradiction, is_unmeasured
 from slip_vic_controller.safety.conditions import Reason
 
 SLOW_S: Final = 0.2

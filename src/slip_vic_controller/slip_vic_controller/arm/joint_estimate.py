@@ -35,6 +35,15 @@ QUICK: Final = len(Trust)
 Trust."""
 
 
+class JointRecord(Record):
+    """A joint state."""
+
+    stamp_ns: Whole
+    position: Joints  # rad
+    velocity: Joints  # rad/s
+    effort: Joints  # N m
+
+
 class EstimatorConfig(Record):
     """What does not change while the controller runs."""
 
@@ -106,6 +115,7 @@ class JointEstimate(Record):
 
 
 ESTIMATOR_CONFIG, JOINT_ESTIMATE = dtype_of(EstimatorConfig), dtype_of(JointEstimate)
+JOINT_SAMPLE = dtype_of(JointRecord)
 
 
 @part

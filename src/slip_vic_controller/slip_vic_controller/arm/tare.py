@@ -19,7 +19,7 @@ from typing import Final
 from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Whole
-from slip_vic_controller.arm.plausibility import BIAS, MOVES, SIGNIFICANT
+from slip_vic_controller.arm.estimator import BIAS, MOVES, SIGNIFICANT
 from slip_vic_controller.safety.conditions import NOTHING, Reason, Why, WhyRecord, put_why
 from slip_vic_controller.sizes import NEVER, Joints
 

@@ -47,19 +47,14 @@ from slip_vic_controller.state import (
     OUTPUTS,
     TASK_SIZE,
     TASK_STATE,
-    ArmState,
-    ControllerConfig,
-    CycleInputs,
-    CycleOutputs,
-    TaskState,
+    ArmCycle,
 )
 
 
 @part
-def end_cycle(
-    config: ControllerConfig, task: TaskState, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs
-) -> None:
+def end_cycle(c: ArmCycle) -> None:
     """Write mode, what is published of the governor, and the ledger."""
+    config, task, state, inputs, outputs = c.config, c.task, c.state, c.inputs, c.outputs
     outputs.mode, outputs.path_scale, outputs.grip = state.mode, task.path.scale, state.grip.command
     put_governed(config, task, state, outputs.governor)
     ledger, health, at = outputs.ledger, outputs.health, 3 + 4 * config.law.contacts
@@ -91,32 +86,34 @@ def cycle(config_buffer: Array, state_buffer: Array, exchange: Array) -> int:
     together = all_at_rest(configs, states, inputs)
     for k in range(n):
         if inputs[k].present != 0:
-            decide(configs[k], task, states[k], inputs[k], outputs[k], k == 0, alone, together)
+            decide(ArmCycle(configs[k], task, states[k], inputs[k], outputs[k], k == 0), alone, together)
     agree(configs, task, states, inputs, outputs, alone)
     for k in range(n):
+        c = ArmCycle(configs[k], task, states[k], inputs[k], outputs[k], k == 0)
         if outputs[k].decided != 0 and not follows(states[k].mode.mode):
-            hold(configs[k], task, states[k], inputs[k], outputs[k], k == 0)
+            hold(c)
         elif at_work(states[k], outputs[k]) and not follows(outputs[k].before.mode):
-            leave_hold(configs[k], task, states[k], inputs[k], outputs[k], k == 0)
+            leave_hold(c)
     path_speed = common_path_speed(configs, states, inputs, outputs)
     if at_work(states[0], outputs[0]):
         advance_path(configs[0], task, states[0], path_speed)
     for k in range(n):
         if at_work(states[k], outputs[k]):
-            own = history[k * rows : (k + 1) * rows]
-            cause = sense(configs[k], task, states[k], own, inputs[k], outputs[k])
+            c = ArmCycle(configs[k], task, states[k], inputs[k], outputs[k], k == 0)
+            cause = sense(c, history[k * rows : (k + 1) * rows])
             if cause != Reason.NONE:
-                fail(configs[k], task, states[k], inputs[k], outputs[k], cause, k == 0)
+                fail(c, cause)
     if configs[0].governor.mode != Governing.OFF and at_work(states[0], outputs[0]):
         agree_on_friction(configs[0], task, states)
-        step_on_path(configs[0], task, states[0], inputs[0].arm, outputs[0], path_speed)
+        step_on_path(ArmCycle(configs[0], task, states[0], inputs[0], outputs[0], True), path_speed)
     answered, holds = 0, False
     for k in range(n):
+        c = ArmCycle(configs[k], task, states[k], inputs[k], outputs[k], k == 0)
         if at_work(states[k], outputs[k]):
-            follow(configs[k], task, states[k], inputs[k], outputs[k], k == 0)
+            follow(c)
         if inputs[k].present != 0:
             states[k].queue.count = 0
-            end_cycle(configs[k], task, states[k], inputs[k], outputs[k])
+            end_cycle(c)
             holds = holds or not follows(states[k].mode.mode)
             answered |= outputs[k].answered << k
     if holds:

@@ -35,24 +35,16 @@ from slip_vic_controller.safety.latency import forget_latency, measure_latency
 from slip_vic_controller.safety.modes import Mode, Request, follows, holds_for, next_mode
 from slip_vic_controller.safety.validation import usable, vector_validity
 from slip_vic_controller.sizes import MAX_CONTACTS, NEVER
-from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs, CycleOutputs, TaskState
+from slip_vic_controller.state import ArmCycle, ArmState, ControllerConfig, CycleInputs
 
 
 @part
-def decide(
-    config: ControllerConfig,
-    task: TaskState,
-    state: ArmState,
-    inputs: CycleInputs,
-    outputs: CycleOutputs,
-    lead: bool,
-    alone: bool,
-    together: AtRest,
-) -> None:
+def decide(c: ArmCycle, alone: bool, together: AtRest) -> None:
     """Classify the inputs of an arm and decide the mode of this cycle.
 
-    lead: whether it is the first arm; alone: whether another arm is not answered in this cycle; together: see `AtRest`.
+    alone: whether another arm is not answered in this cycle; together: see `AtRest`.
     """
+    config, task, state, inputs, outputs = c.config, c.task, c.state, c.inputs, c.outputs
     outputs.before, outputs.health = state.mode, inputs.health
     if state.cycles == 0:
         state.now_ns = inputs.now_ns
@@ -61,7 +53,7 @@ def decide(
     fault = inputs.health.joint if inputs.health_given != 0 else state.joint.pending_fault
     state.joint.pending = 0
     if fault == Reason.RESTARTED and state.law.known != 0:
-        wait(config, state, inputs, of_fault(Reason.JOINTS_RESTARTED.value, fault))  # everything starts again
+        wait(c, of_fault(Reason.JOINTS_RESTARTED.value, fault))  # everything starts again
         return
     if config.models_wrench != 0:
         _count_wrench_as_good(config, state, inputs)
@@ -69,21 +61,21 @@ def decide(
     if state.law.known == 0 and not usable(fault):
         missing |= Missing.GOOD_JOINT_STATE.value
     if missing != 0:
-        wait(config, state, inputs, because(Reason.WAITS.value, missing))
+        wait(c, because(Reason.WAITS.value, missing))
         return
-    _classify_inputs(config, state, inputs, outputs, fault, alone)
+    _classify_inputs(c, fault, alone)
     good, restarts = outputs.health.wrench == Reason.NONE, state.law.known == 0
     state.wrench_modelled = 0
     if config.models_wrench != 0 or not (good or restarts):
-        model_wrench(config, task, state, inputs)
+        model_wrench(c)
     if restarts:
-        begin_law(config, task, state, inputs, outputs, lead)
+        begin_law(c)
         heavy = _too_heavy(config, state, inputs)
         if heavy.reason != Reason.NONE:
-            wait(config, state, inputs, heavy)
+            wait(c, heavy)
             return
     if is_unchecked(config.tare, state.tare):
-        model_wrench(config, task, state, inputs)
+        model_wrench(c)
     _obey(config, state, inputs)
     bad = not (usable(fault) or fault == Reason.NOT_RUN)
     if bad and inputs.arm.M[0, 0] == 0.0:
@@ -94,12 +86,12 @@ def decide(
     stamp_ns, now_ns, resets = state.joint.answers.stamp_ns, inputs.now_ns, inputs.request == Request.RESET_FAULT
     measure_latency(state.latency, now_ns, stamp_ns, now_ns - state.now_ns)
     request = _rest_before_hold(config, state, inputs.request, now_ns)
-    reweighed = config.tare.duration_ns > 0 and not bad and tare(config, state, inputs, together)
+    reweighed = config.tare.duration_ns > 0 and not bad and tare(c, together)
     why = judge(config, task, state, outputs.health, now_ns)
     next_mode(config.conditions, state.mode, why, request, now_ns)
     outputs.decided = 1
     if (resets or reweighed) and not follows(state.mode.mode):
-        forget_pad(config, task, state, inputs, outputs, lead)
+        forget_pad(c)
 
 
 @part
@@ -124,13 +116,12 @@ def _count_wrench_as_good(config: ControllerConfig, state: ArmState, inputs: Cyc
 
 
 @part
-def _classify_inputs(
-    config: ControllerConfig, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, fault: int, alone: bool
-) -> None:
+def _classify_inputs(c: ArmCycle, fault: int, alone: bool) -> None:
     """Write the fault of each input in this cycle, and the stamps of the samples that it uses.
 
     alone: whether another arm is not answered in this cycle.
     """
+    config, state, inputs, outputs = c.config, c.state, c.inputs, c.outputs
     stamp_ns, health = state.joint.answers.stamp_ns, outputs.health
     # What is frozen stays so while the path comes to rest, and in the HOLD after it.
     moves = state.joint.moves != 0 or holds_for(state.mode, Reason.WRENCH.value, Reason.FROZEN.value)
@@ -155,11 +146,10 @@ def put_time(ledger: WholeArray, at: int, time_ns: int) -> None:
 
 
 @part
-def begin_law(
-    config: ControllerConfig, task: TaskState, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, lead: bool
-) -> None:
+def begin_law(c: ArmCycle) -> None:
     """Begin the law: the arm where it is, no slip; of the first arm also the trajectory, starting here and now."""
-    law, sample, n, arm = state.law, state.joint.answers, config.law.joints, inputs.arm
+    config, task, state, outputs = c.config, c.task, c.state, c.outputs
+    law, sample, n, arm = state.law, state.joint.answers, config.law.joints, c.inputs.arm
     law.known, law.stamp_ns = 1, sample.stamp_ns
     law.start_position[:], law.start_rotation[:] = arm.position, arm.rotation
     law.posture[:n] = config.posture[:n] if config.posture_given != 0 else sample.position[:n]
@@ -172,7 +162,7 @@ def begin_law(
     law.ramp.begin_ns = sample.stamp_ns
     gains_now(state, sample.stamp_ns, outputs)
     begin_pad(config, state, arm, outputs.gains)
-    if lead:
+    if c.lead:
         task.start_ns = sample.stamp_ns
         if config.follows_stream != 0:
             rest_stream(task.stream, vec(arm.position), mat(arm.rotation))

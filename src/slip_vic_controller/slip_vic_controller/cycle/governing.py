@@ -33,7 +33,7 @@ from slip_vic_controller.path.stream import (
     take_queued,
     waiting,
 )
-from slip_vic_controller.state import ArmState, ControllerConfig, CycleOutputs, Governed, TaskState
+from slip_vic_controller.state import ArmCycle, ArmState, ControllerConfig, CycleOutputs, Governed, TaskState
 
 CATCH_UP = 1.5
 """How much faster than received a stream may be followed where the timing is free."""
@@ -145,29 +145,27 @@ def seen_from(planned: Reference, arm: Arm, pad: GovernedPad) -> Pad:
 
 
 @part
-def step_on_path(
-    config: ControllerConfig, task: TaskState, state: ArmState, arm: Arm, outputs: CycleOutputs, path_speed: float
-) -> None:
-    """Do the path's cycle: planning, and the step on the path of the first pad; config, state, ...: of the first arm.
+def step_on_path(c: ArmCycle, path_speed: float) -> None:
+    """Do the path's cycle: planning, and the step on the path of the first pad; c: of the first arm.
 
     path_speed: how fast the path may be followed for other reasons; 1 = not limited, 0 = come to rest.
     """
+    config, task, state = c.config, c.task, c.state
     dt = (state.joint.answers.stamp_ns - state.law.stamp_ns) * 1e-9
     dt = dt if dt > 0.0 else 1e-9 * config.period_ns
-    grasped = held(config, state, outputs.gains)
+    grasped = held(config, state, c.outputs.gains)
     if config.follows_stream != 0:
-        follow_stream(config, task, state, arm, grasped, path_speed, dt)
+        follow_stream(c, grasped, path_speed, dt)
     elif config.follows_goals != 0 and not take_governed_goal(config, task):
         governor.allow(config.governor, task.governor)  # rests where it is
     else:
-        follow_path(config, task, state, arm, grasped, path_speed, dt)
+        follow_path(c, grasped, path_speed, dt)
 
 
 @part
-def follow_stream(
-    config: ControllerConfig, task: TaskState, state: ArmState, arm: Arm, grasped: Held, path_speed: float, dt: float
-) -> None:
+def follow_stream(c: ArmCycle, grasped: Held, path_speed: float, dt: float) -> None:
     """Take the samples of a governed stream, find how fast it may be followed, and take the step on it."""
+    config, task, state = c.config, c.task, c.state
     path, stream, limits_of = task.governor, task.stream, config.governor
     governor.allow(limits_of, path)
     catch_up = CATCH_UP if limits_of.mode == Governing.TIME_OPTIMAL else 1.0
@@ -182,16 +180,16 @@ def follow_stream(
     now, K, ahead = at(stream, path.s), stream_bound(stream, path.s)[0], stream_bound(stream, path.s + dt * path.rate)
     most_rate, last = min(rate_limit(config, path, path_speed), catch_up), stream.points[stream.count - 1].time
     bounds = Bounds(K, ahead[0], ahead[1], most_rate, 1.0, stream.points[0].time, max(last, path.s))
-    governor.follow(limits_of, path, bounds, grasped, along_at(now, 1.0, 0.0), seen_from(now, arm, state.pad), dt)
+    governor.follow(
+        limits_of, path, bounds, grasped, along_at(now, 1.0, 0.0), seen_from(now, c.inputs.arm, state.pad), dt
+    )
     path.time, path.out_time = path.s, path.out_s
 
 
 @part
-def follow_path(
-    config: ControllerConfig, task: TaskState, state: ArmState, arm: Arm, grasped: Held, path_speed: float, dt: float
-) -> None:
-    """Plan the built-in path or that of a goal, and take the step on it; state: of the first arm."""
-    path = task.governor
+def follow_path(c: ArmCycle, grasped: Held, path_speed: float, dt: float) -> None:
+    """Plan the built-in path or that of a goal, and take the step on it; c: of the first arm."""
+    config, task, state, path = c.config, c.task, c.state, c.task.governor
     if config.follows_goals != 0 and task.goal.pending != 0:
         path_speed = 0.0
     if path.planned == 0:
@@ -202,7 +200,7 @@ def follow_path(
         governor.plan(config.governor, path, task.grid)
         return
     planned = path_at(config, task, state, path.time)
-    point, seen = along(config.governor, path.duration, path.time, planned), seen_from(planned, arm, state.pad)
+    point, seen = along(config.governor, path.duration, path.time, planned), seen_from(planned, c.inputs.arm, state.pad)
     governor.run(config.governor, path, task.grid, grasped, point, seen, rate_limit(config, path, path_speed), dt)
     if config.follows_goals != 0:
         judge_governed_goal(config, task)

@@ -7,8 +7,7 @@ import numpy as np
 from slip_core.cholesky import all_finite
 from slip_core.compiled import part
 from slip_core.vectors import mat
-from slip_vic_controller.arm.estimator import stay_blind
-from slip_vic_controller.arm.plausibility import BLIND_S, unseen_ns
+from slip_vic_controller.arm.estimator import BLIND_S, stay_blind, unseen_ns
 from slip_vic_controller.contact.observer import reset
 from slip_vic_controller.cycle.contact import begin_pad
 from slip_vic_controller.cycle.governing import rest_on_path
@@ -25,36 +24,36 @@ from slip_vic_controller.safety.latency import forget_latency
 from slip_vic_controller.safety.modes import Mode, Request, holds_for, next_mode
 from slip_vic_controller.safety.validation import frozen
 from slip_vic_controller.sizes import MAX_JOINTS, NEVER
-from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs, CycleOutputs, TaskState
+from slip_vic_controller.state import ArmCycle, ArmState, ControllerConfig, CycleInputs
 
 
 @part
-def give_nothing(config: ControllerConfig, state: ArmState, inputs: CycleInputs) -> None:
+def give_nothing(c: ArmCycle) -> None:
     """Give no command: drives hold the arm by themselves, or let it move; HOLD begins again where it is then."""
-    state.now_ns, state.hold.known = inputs.now_ns, 0
-    stay_blind(config.estimator, state.estimate)
+    c.state.now_ns, c.state.hold.known = c.inputs.now_ns, 0
+    stay_blind(c.config.estimator, c.state.estimate)
 
 
 @part
-def wait(config: ControllerConfig, state: ArmState, inputs: CycleInputs, why: Why) -> None:
+def wait(c: ArmCycle, why: Why) -> None:
     """Wait for what is missing, without a command; everything begins again after it."""
-    next_mode(config.conditions, state.mode, why, inputs.request, inputs.now_ns)
-    give_nothing(config, state, inputs)
+    state = c.state
+    next_mode(c.config.conditions, state.mode, why, c.inputs.request, c.inputs.now_ns)
+    give_nothing(c)
     state.law.known, state.estimate.started, state.tare.watched = 0, 0, 0
     state.hold.load_error[:] = 0.0
     forget_latency(state.latency)
 
 
 @part
-def hold(
-    config: ControllerConfig, task: TaskState, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, lead: bool
-) -> None:
+def hold(c: ArmCycle) -> None:
     """Keep the posture in which HOLD began; what the wrench has shown of the load stays until the law begins.
 
     Where neither a joint state nor the model tells where the arm is, efforts go to gravity compensation there: from the
     last command, however old, since nothing else tells what the joints feel. Where that lasts, or joints have read the
     same for so long that HOLD would lose the arm, there is no command.
     """
+    config, task, state, inputs, outputs = c.config, c.task, c.state, c.inputs, c.outputs
     law, sample, n = state.law, state.joint.answers, config.law.joints
     task.path.scale, task.path.rate = 0.0, 0.0
     seen = inputs.arm.M[0, 0] > 0.0
@@ -62,13 +61,13 @@ def hold(
     if holds_for(state.mode, Reason.JOINT_STATE.value, Reason.FROZEN.value):
         blind = blind or (seen and 1e-9 * (inputs.now_ns - state.joint.equal_since_ns) > BLIND_S)
     if blind:
-        give_nothing(config, state, inputs)
+        give_nothing(c)
         return
     if not seen:
         state.hold.known, rest = 0, np.zeros(MAX_JOINTS)
         outputs.wanted[:n] = law.gravity[:n]
         state.sent.now_ns = max(state.sent.now_ns, inputs.now_ns - config.command.longest_step_ns)
-        finish(config, state, inputs, outputs, law.position, rest, False)
+        finish(c, law.position, rest, False)
         return
     # After a pause something else has held the arm.
     if state.hold.known == 0 or inputs.now_ns - state.now_ns > config.conditions.gap_ns:
@@ -84,58 +83,47 @@ def hold(
     hold_effort(config.hold, state.hold, inputs.arm, sample, pad, r, late_s, outputs.wanted)
     if not (state.mode.reason.reason == Reason.FALLS and state.mode.reason.prefix == 0):
         carry_load(config.hold, state.hold, inputs.arm, r, outputs.wanted)
-    if lead:
+    if c.lead:
         task.start_ns += dt_ns
     keep_joints(config, state, inputs)
     forget(state.observed)
     state.conditions[Reason.SATURATED].since_ns = NEVER
-    finish(config, state, inputs, outputs, sample.position, sample.velocity, False)
+    finish(c, sample.position, sample.velocity, False)
 
 
 @part
-def fail(
-    config: ControllerConfig,
-    task: TaskState,
-    state: ArmState,
-    inputs: CycleInputs,
-    outputs: CycleOutputs,
-    cause: int,
-    lead: bool,
-) -> None:
+def fail(c: ArmCycle, cause: int) -> None:
     """Hold because the law could not be evaluated; cause: why."""
-    next_mode(config.conditions, state.mode, because(cause, 0), Request.NONE.value, inputs.now_ns)
+    next_mode(c.config.conditions, c.state.mode, because(cause, 0), Request.NONE.value, c.inputs.now_ns)
     if cause == Reason.BAD_REFERENCE or cause == Reason.NO_TORQUE:
-        task.forgets = 1
-    state.hold.known = 0
-    hold(config, task, state, inputs, outputs, lead)
+        c.task.forgets = 1
+    c.state.hold.known = 0
+    hold(c)
 
 
 @part
-def leave_hold(
-    config: ControllerConfig, task: TaskState, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, lead: bool
-) -> None:
+def leave_hold(c: ArmCycle) -> None:
     """Let the path start from rest after a HOLD; the time that passed in it is not part of the path."""
-    if lead:
-        waited = outputs.before.mode == Mode.WAITING_INPUT
+    config, task, state = c.config, c.task, c.state
+    if c.lead:
+        waited = c.outputs.before.mode == Mode.WAITING_INPUT
         task.path.scale, task.path.rate = (1.0 if waited else 0.0), 0.0
-        rest_on_path(config, task, inputs.arm, not waited)
+        rest_on_path(config, task, c.inputs.arm, not waited)
     state.hold.known, state.hold.load_error[:] = 0, 0.0
     forget(state.observed)
     if config.has_observer != 0:
-        reset(config.observer, state.observer, state.joint.answers.stamp_ns, inputs.arm.twist)
+        reset(config.observer, state.observer, state.joint.answers.stamp_ns, c.inputs.arm.twist)
 
 
 @part
-def forget_pad(
-    config: ControllerConfig, task: TaskState, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, lead: bool
-) -> None:
+def forget_pad(c: ArmCycle) -> None:
     """Begin again with the configured friction: a user wants it, or a tare has found another weight of the object."""
-    if config.governor.mode != Governing.OFF:
-        gains_now(state, state.joint.answers.stamp_ns, outputs)
+    if c.config.governor.mode != Governing.OFF:
+        gains_now(c.state, c.state.joint.answers.stamp_ns, c.outputs)
         # A push makes a held object slip at a load that friction carries, and that load has been learnt.
-        begin_pad(config, state, inputs.arm, outputs.gains)
-        if lead:
-            discard_plan(config.governor, task.governor)
+        begin_pad(c.config, c.state, c.inputs.arm, c.outputs.gains)
+        if c.lead:
+            discard_plan(c.config.governor, c.task.governor)
 
 
 @part

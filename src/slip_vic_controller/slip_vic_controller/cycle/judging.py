@@ -9,7 +9,7 @@ from __future__ import annotations
 from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.vectors import spatial
-from slip_vic_controller.arm.plausibility import unseen_ns
+from slip_vic_controller.arm.estimator import unseen_ns
 from slip_vic_controller.arm.tare import moved_joint
 from slip_vic_controller.contact.estimate import SensorHealth
 from slip_vic_controller.law.extensions import FASTEST_M_S, slip_speed

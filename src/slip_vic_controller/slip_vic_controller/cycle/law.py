@@ -20,18 +20,17 @@ from slip_vic_controller.path.paths import carried, put_reference, read_referenc
 from slip_vic_controller.safety.conditions import NOTHING, Reason, because, see
 from slip_vic_controller.safety.drop_detection import observe_motion
 from slip_vic_controller.safety.following import rests_far_off, what_keeps
-from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs, CycleOutputs, TaskState
+from slip_vic_controller.state import ArmCycle
 
 
 @part
-def follow(
-    config: ControllerConfig, task: TaskState, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, lead: bool
-) -> None:
+def follow(c: ArmCycle) -> None:
     """Let the law command the arm, on what `sense` has found."""
+    config, task, state, inputs, outputs = c.config, c.task, c.state, c.inputs, c.outputs
     sample, n, axes, law = state.joint.answers, config.law.joints, config.law.contact[0].slip_axes, outputs.law
     dt_ns = max(sample.stamp_ns - state.law.stamp_ns, 0)
-    if not _reference(config, task, state, outputs, lead):
-        fail(config, task, state, inputs, outputs, Reason.BAD_REFERENCE.value, lead)
+    if not _reference(c):
+        fail(c, Reason.BAD_REFERENCE.value)
         return
     q, qd, own = sample.position, sample.velocity, state.law
     evaluate(config.law, inputs.arm, q, qd, own.posture, own.e_previous, outputs)
@@ -39,7 +38,7 @@ def follow(
     if factor < 1.0 and law.ok != 0:
         scale_acceleration(config.law, inputs.arm, q, qd, own.posture, factor, outputs)
     if law.ok == 0:
-        fail(config, task, state, inputs, outputs, Reason.NO_TORQUE.value, lead)
+        fail(c, Reason.NO_TORQUE.value)
         return
     own.e_previous[:] = law.e[3:]
     for k in range(config.law.contacts):
@@ -47,26 +46,26 @@ def follow(
     keep_joints(config, state, inputs)
     outputs.wanted[:n] = law.effort[:n]
     observe_motion(config.drop, axes, state.observed, inputs.arm, law, outputs.reference, dt_ns * 1e-9)
-    _watch_following(config, state, inputs, outputs)
-    finish(config, state, inputs, outputs, q, qd, True)
+    _watch_following(c)
+    finish(c, q, qd, True)
 
 
 @part
-def _reference(config: ControllerConfig, task: TaskState, state: ArmState, outputs: CycleOutputs, lead: bool) -> bool:
+def _reference(c: ArmCycle) -> bool:
     """Write the desired motion of this cycle; return whether it is finite.
 
     A path by topic or towards a goal is that of the first pad; the other pads keep to the object as they held it when
     the law began. A built-in path each pad runs through from where it was then.
     """
-    law = state.law
+    config, task, state, outputs, law = c.config, c.task, c.state, c.outputs, c.state.law
     by_topic = config.follows_stream != 0 or config.follows_goals != 0
-    keeps = not lead and (task.reference_known != 0 or by_topic)
+    keeps = not c.lead and (task.reference_known != 0 or by_topic)
     if keeps:
         desired = carried(read_reference(task.desired), state.grasp)
     elif task.reference_known != 0:
         desired = read_reference(task.reference)
     elif config.governor.mode != Governing.OFF:
-        desired = governed_reference(config, task, state, lead)
+        desired = governed_reference(config, task, state, c.lead)
     elif config.follows_goals != 0:
         desired = follow_goal(task, state.joint.answers.stamp_ns)
     else:
@@ -75,15 +74,16 @@ def _reference(config: ControllerConfig, task: TaskState, state: ArmState, outpu
     if not keeps and (task.path.scale != 1.0 or task.path.rate != 0.0):
         desired = scaled(desired, task.path)
     put_reference(outputs.reference, desired)
-    if lead:
+    if c.lead:
         task.desired = outputs.reference
     finite = all_finite(outputs.reference.twist) and all_finite(outputs.reference.acceleration)
     return finite and finite_pose(outputs.reference.position, outputs.reference.rotation)
 
 
 @part
-def _watch_following(config: ControllerConfig, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs) -> None:
+def _watch_following(c: ArmCycle) -> None:
     """Look whether the arm moves as commanded; its velocity of now is not that of the commands under way."""
+    config, state, inputs, outputs = c.config, c.state, c.inputs, c.outputs
     twist, why = inputs.arm.twist.copy(), NOTHING
     if config.command.interface != Interface.EFFORT:
         put_twist_of_joints(config, state, inputs, twist)

@@ -24,26 +24,19 @@ from slip_vic_controller.safety.effort_limiter import limit_effort, needs_restar
 from slip_vic_controller.safety.limit_avoidance import avoid_limits
 from slip_vic_controller.safety.modes import follows
 from slip_vic_controller.sizes import MAX_JOINTS
-from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs, CycleOutputs
+from slip_vic_controller.state import ArmCycle, ArmState, ControllerConfig, CycleInputs
 
 
 @part
-def finish(
-    config: ControllerConfig,
-    state: ArmState,
-    inputs: CycleInputs,
-    outputs: CycleOutputs,
-    q: Array,
-    qd: Array,
-    law_at_work: bool,
-) -> None:
+def finish(c: ArmCycle, q: Array, qd: Array, law_at_work: bool) -> None:
     """Add limit avoidance, pass the effort limiter, and write the outcome.
 
     Args:
-        config, state, inputs, outputs: of the arm; `outputs.wanted` is what goes in.
+        c: of the arm; `outputs.wanted` is what goes in.
         q, qd: joint state [rad], [rad/s].
         law_at_work: whether the effort is the law's.
     """
+    config, state, inputs, outputs = c.config, c.state, c.inputs, c.outputs
     n, now_ns, limits, sent = config.law.joints, inputs.now_ns, config.command, state.sent
     by_effort = limits.interface == Interface.EFFORT
     passed_s, h = 1e-9 * min(max(now_ns - state.now_ns, 0), limits.longest_step_ns), np.empty(6)

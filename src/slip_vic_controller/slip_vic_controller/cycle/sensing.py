@@ -8,11 +8,13 @@ from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.vectors import mat, put_mat, put_spatial, spatial
 from slip_vic_controller.arm.command import Interface
-from slip_vic_controller.arm.estimator import pad_variances
+from slip_vic_controller.arm.joint_estimate import EstimatorConfig
+from slip_vic_controller.contact.layouts import Motion
 from slip_vic_controller.contact.observer import observe
 from slip_vic_controller.cycle.contact import estimate_contact
 from slip_vic_controller.cycle.wrench import own_wrench
 from slip_vic_controller.governor.plan import Governing
+from slip_vic_controller.law.arm import Arm
 from slip_vic_controller.law.bounds import internal_gain_limit
 from slip_vic_controller.law.contact import slip_velocity
 from slip_vic_controller.law.extensions import judge_compensation, slip_speed
@@ -21,7 +23,7 @@ from slip_vic_controller.law.law import predict_motion
 from slip_vic_controller.law.object import integrate_slips
 from slip_vic_controller.safety.conditions import Reason
 from slip_vic_controller.sizes import NEVER
-from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs, CycleOutputs, TaskState
+from slip_vic_controller.state import ArmCycle, ArmState, ControllerConfig, CycleInputs, CycleOutputs
 
 
 @part
@@ -47,20 +49,12 @@ def limit_internal_gain(config: ControllerConfig, state: ArmState, outputs: Cycl
 
 
 @part
-def sense(
-    config: ControllerConfig,
-    task: TaskState,
-    state: ArmState,
-    history: Array,
-    inputs: CycleInputs,
-    outputs: CycleOutputs,
-) -> int:
+def sense(c: ArmCycle, history: Array) -> int:
     """Find slip, gains and load of an arm in this cycle; return why it could not be, Reason.NONE where it could."""
+    config, state, inputs, outputs = c.config, c.state, c.inputs, c.outputs
     law, sample, samples, queue = state.law, state.joint.answers, outputs.samples, state.queue
-    dt, unknown = (
-        max(sample.stamp_ns - law.stamp_ns, 0) * 1e-9,
-        state.conditions[Reason.SLIP_PREDICTED].since_ns != NEVER,
-    )
+    dt = max(sample.stamp_ns - law.stamp_ns, 0) * 1e-9
+    unknown = state.conditions[Reason.SLIP_PREDICTED].since_ns != NEVER
     for k in range(config.law.contacts):
         samples[k].wrench[:] = state.wrench_inputs[k].values
         if state.wrench_modelled != 0:
@@ -92,20 +86,41 @@ def sense(
     if outputs.gains.gains.kappa != 0.0:
         limit_internal_gain(config, state, outputs)
     if config.governor.mode != Governing.OFF or config.conditions.slip_needed != 0:
-        estimate_contact(config, task, state, outputs, unknown, dt)
-    _slip_for_law(config, state, inputs, outputs, dt)
+        estimate_contact(config, c.task, state, outputs, unknown, dt)
+    _slip_for_law(c, dt)
     return Reason.NONE.value
 
 
 @part
-def _slip_for_law(
-    config: ControllerConfig, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, dt: float
-) -> None:
+def pad_variances(config: EstimatorConfig, arm: Arm, out: Motion) -> None:
+    """Write the variances of the pad's twist and of the noise in its change over a period, on pad axes; (6,), (6,).
+
+    Args:
+        config: variances of the joint velocities, alike and independent.
+        arm: at this joint state.
+        out: result.
+
+    Implements: ours: diag(A A^T) sigma^2 with A = R^T J.
+    """
+    J, R = arm.J, arm.rotation
+    for i in range(6):
+        total, first = 0.0, 3 if i >= 3 else 0
+        axis = i - first
+        for j in range(config.joints):
+            a = R[0, axis] * J[first, j] + R[1, axis] * J[first + 1, j] + R[2, axis] * J[first + 2, j]
+            total += a * a
+        out.velocity_variance[i] = total * config.velocity_variance
+        out.change_variance[i] = total * config.change_variance
+
+
+@part
+def _slip_for_law(c: ArmCycle, dt: float) -> None:
     """Write the slip velocity that the law answers, and let the object move on the pad by the one of now.
 
     It is the estimated one, or the newest sample; with drives that answer late the one to which the commands under way
     lead; and zero where the law takes the object as held.
     """
+    config, state, outputs = c.config, c.state, c.outputs
     law, samples, contact = state.law, outputs.samples, state.pad.contact
     if config.gate_shut != 0:
         for k in range(config.law.contacts):
@@ -117,7 +132,7 @@ def _slip_for_law(
         v_s = slip_velocity(config.law.contact[0], samples[0])
         judge_compensation(law.given_up, outputs.gains.gains, v_s, state.observed.fall_speed, dt)
     if config.slip_ahead_s > 0.0:
-        _foresee_slip(config, state, inputs, outputs)
+        _foresee_slip(config, state, c.inputs, outputs)
     contact.v_s[:] = samples[0].slip_twist
 
 

@@ -15,7 +15,7 @@ from slip_vic_controller.law.contact import pad_rotation
 from slip_vic_controller.safety.hold import object_load
 from slip_vic_controller.safety.modes import Mode, Request, follows
 from slip_vic_controller.sizes import NEVER
-from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs
+from slip_vic_controller.state import ArmCycle, ArmState, ControllerConfig, CycleInputs
 
 
 class AtRest(NamedTuple):
@@ -46,11 +46,12 @@ def all_at_rest(configs: Records[ControllerConfig], states: Records[ArmState], i
 
 
 @part
-def tare(config: ControllerConfig, state: ArmState, inputs: CycleInputs, together: AtRest) -> bool:
+def tare(c: ArmCycle, together: AtRest) -> bool:
     """Read the sensors at rest while HOLD keeps the arm, and take what is a bias out of the samples of this cycle.
 
     Returns whether the object's weight was found, and is another than before.
     """
+    config, state, inputs = c.config, c.state, c.inputs
     tare, queue, mass_share = state.tare, state.queue, state.tare.mass_share
     if inputs.request == Request.TARE and not follows(state.mode.mode):
         start_tare(tare, NEVER)
@@ -61,7 +62,7 @@ def tare(config: ControllerConfig, state: ArmState, inputs: CycleInputs, togethe
         paused = inputs.now_ns - state.now_ns > config.conditions.gap_ns  # something else may have moved the arm
         if tare.watched == 0 or paused:
             tare.watched, tare.watched_from[:] = 1, state.joint.answers.position
-        six, (beyond, expected) = np.zeros(6), _wrench_at_rest(config, state, inputs, together)
+        six, (beyond, expected) = np.zeros(6), _wrench_at_rest(c, together)
         over = measure_at_rest(config.tare, tare, stamp_ns, last.position[:n], last.velocity[:n])
         for k in range(queue.count):
             if queue.samples[k].stamp_ns >= tare.begun_ns:
@@ -82,14 +83,12 @@ def tare(config: ControllerConfig, state: ArmState, inputs: CycleInputs, togethe
 
 
 @part
-def _wrench_at_rest(
-    config: ControllerConfig, state: ArmState, inputs: CycleInputs, together: AtRest
-) -> tuple[Spatial, Spatial]:
+def _wrench_at_rest(c: ArmCycle, together: AtRest) -> tuple[Spatial, Spatial]:
     """Return the object's wrench on the pad beyond that of the model, and that of the model [N, N m] {ee}.
 
     Of several arms a share of what they show together, in which torques are not compared.
     """
-    R = mat(inputs.arm.rotation)
+    config, state, R = c.config, c.state, mat(c.inputs.arm.rotation)
     r = arm_of_load(config, state, pad_rotation(config.law.contact[0], state.law.slips[0]))
     expected = object_load(config.hold, R, R @ r)
     if together.arms == 1:

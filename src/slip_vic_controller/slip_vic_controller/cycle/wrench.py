@@ -10,7 +10,7 @@ from slip_vic_controller.law.contact import contact_arm, pad_rotation
 from slip_vic_controller.law.internal import mean_arm
 from slip_vic_controller.safety.hold import plausible_arm
 from slip_vic_controller.safety.modes import follows
-from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs, TaskState
+from slip_vic_controller.state import ArmCycle, ArmState, ControllerConfig, CycleInputs
 
 
 @part
@@ -53,15 +53,16 @@ def arm_of_load(config: ControllerConfig, state: ArmState, pad: Mat) -> Vec:
 
 
 @part
-def model_wrench(config: ControllerConfig, task: TaskState, state: ArmState, inputs: CycleInputs) -> None:
+def model_wrench(c: ArmCycle) -> None:
     """Let the wrench be that of a held object that moves as the path does, where no sensor measures it.
 
     Implements: ours: Newton's law for the object at the desired acceleration, f = m (g - a), without its rotation.
     """
+    config, state, inputs = c.config, c.state, c.inputs
     law, hold, R = state.law, config.hold, mat(inputs.arm.rotation)
     force = vec(hold.weight)
     if follows(state.mode.mode) and law.known != 0:
-        force = force - hold.mass * vec(task.desired.acceleration)
+        force = force - hold.mass * vec(c.task.desired.acceleration)
     pad = pad_rotation(config.law.contact[0], law.slips[0])
     load, R_o = Spatial(force, -(R @ arm_of_load(config, state, pad)).cross(force)), R @ pad.T()
     state.wrench_modelled = 1

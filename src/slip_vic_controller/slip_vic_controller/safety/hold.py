@@ -8,9 +8,9 @@ from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.records import Mat3, Real, Record, Vec3, Vec6, Whole
 from slip_core.vectors import ZERO, Mat, Spatial, Vec, mat, put_spatial, spatial, vec
-from slip_vic_controller.arm.plausibility import MOVES
+from slip_vic_controller.arm.estimator import MOVES
+from slip_vic_controller.arm.joint_estimate import JointRecord
 from slip_vic_controller.law.arm import Arm
-from slip_vic_controller.safety.validation import JointRecord
 from slip_vic_controller.sizes import Joints
 
 DELAY = 0.46

@@ -15,9 +15,10 @@ import numpy as np
 from slip_core.arrays import Array
 from slip_core.cholesky import all_finite
 from slip_core.compiled import part
-from slip_core.records import Real, Record, Records, Vec6, Whole, WholeArray, dtype_of
+from slip_core.records import Real, Record, Records, Vec6, Whole, WholeArray
 from slip_core.vectors import spatial
-from slip_vic_controller.arm.plausibility import MOVES
+from slip_vic_controller.arm.estimator import MOVES
+from slip_vic_controller.arm.joint_estimate import JointRecord
 from slip_vic_controller.law.contact import StampedSlip
 from slip_vic_controller.safety.conditions import SAMPLE_FAULTS, Reason
 from slip_vic_controller.sizes import ROOM, Joints
@@ -76,18 +77,6 @@ class JointLimits(Record):
     frozen_ns: Whole
     still: Real  # rad/s; of joints that are read in steps: slower ones may read the same again and again
     accept_after: Whole  # samples that agree after a jump until it is taken as a restart
-
-
-class JointRecord(Record):
-    """A joint state."""
-
-    stamp_ns: Whole
-    position: Joints  # rad
-    velocity: Joints  # rad/s
-    effort: Joints  # N m
-
-
-JOINT_SAMPLE = dtype_of(JointRecord)
 
 
 class JointInput(Record):

@@ -13,6 +13,7 @@ from slip_core.arrays import Array, readonly
 from slip_core.records import new, place, record
 from slip_core.types import DisplacementSample, JointSample, SlipSample, WrenchSample
 from slip_vic_controller.arm.config import with_measured_noise
+from slip_vic_controller.arm.joint_estimate import JointRecord
 from slip_vic_controller.config import renew_config, use_noise
 from slip_vic_controller.contact.layouts import ROW_SIZE
 from slip_vic_controller.contact.slip_displacement import SlipFromDisplacement
@@ -21,7 +22,7 @@ from slip_vic_controller.law.gains import LAW_GAINS, RAMP, make_ramp, sample_gai
 from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.safety.conditions import SAMPLE_FAULTS, Missing, Reason, describe
 from slip_vic_controller.safety.modes import Mode, Request
-from slip_vic_controller.safety.validation import JointInput, JointRecord, VectorInput, unanswered
+from slip_vic_controller.safety.validation import JointInput, VectorInput, unanswered
 from slip_vic_controller.session.arrival import (
     begin_answer,
     is_silent,
