@@ -12,12 +12,6 @@ import pytest
 from slip_core.errors import InputError
 from slip_core.params import build
 from slip_core.records import new, record
-from slip_vic_controller.arm.config import (
-    MODEL_NOISE,
-    Tuning,
-    estimator_config,
-    steady_state,
-)
 from slip_vic_controller.arm.disturbance import oppose_disturbance
 from slip_vic_controller.arm.estimator import (
     BIAS,
@@ -31,6 +25,12 @@ from slip_vic_controller.arm.joint_estimate import (
     MAX_LATENCY,
     Trust,
     clear_findings,
+)
+from slip_vic_controller.config.joints import (
+    MODEL_NOISE,
+    Tuning,
+    estimator_config,
+    steady_state,
 )
 from slip_vic_controller.contact.layouts import MOTION
 from slip_vic_controller.cycle.sensing import pad_variances

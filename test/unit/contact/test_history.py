@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from slip_vic_controller.contact.config import capacity
+from slip_vic_controller.config.observer import capacity
 from slip_vic_controller.contact.history import append
 from slip_vic_controller.contact.layouts import ROW, WITNESSES
 from slip_vic_controller.contact.observer import contradicted_since

@@ -33,13 +33,13 @@ ALLOWED = {
     "slip_msgs_py": {"numpy", "slip_core"} | ROS,
     "slip_description": set(),
     "slip_vic_controller": SHELLS,
-    "slip_vic_controller.arm": {"numpy", "scipy", "slip_core"},
-    "slip_vic_controller.config": {"numpy", "slip_core"},
+    "slip_vic_controller.arm": {"numpy", "slip_core"},
+    "slip_vic_controller.config": {"numpy", "scipy", "slip_core"},
     "slip_vic_controller.cycle": {"numpy", "slip_core"},
     "slip_vic_controller.cycle.governing": {"slip_core"},
     "slip_vic_controller.interfaces": {"numpy", "scipy", "slip_core"},
     "slip_vic_controller.law": {"numpy", "slip_core"},
-    "slip_vic_controller.contact": {"numpy", "scipy", "slip_core"},
+    "slip_vic_controller.contact": {"numpy", "slip_core"},
     "slip_vic_controller.governor": {"numpy", "scipy", "slip_core"},
     "slip_vic_controller.path": {"numpy", "scipy", "slip_core"},
     "slip_vic_controller.arm.robot": {"numpy", "pinocchio", "slip_core"},
@@ -69,13 +69,12 @@ OWN = {  # layers inside a package: what of the own package a part may import
     "slip_core.records": {"slip_core.arrays", "slip_core.stamps"},
     "slip_core.vectors": {"slip_core.arrays", "slip_core.compiled"},
     "slip_vic_controller.arm": {
-        f"slip_vic_controller.{part}" for part in ("arm", "law.arm", "params.arm_params", "safety.conditions")
-    }
-    | SHARED,
+        f"slip_vic_controller.{part}" for part in ("arm", "law.arm", "safety.conditions", "sizes")
+    },
     "slip_vic_controller.config": CYCLE
     | {
         f"slip_vic_controller.{part}"
-        for part in ("state", "params.arm_params", "params.interface_params", "interfaces")
+        for part in ("config", "state", "params.arm_params", "params.interface_params", "interfaces")
     },
     "slip_vic_controller.cycle": CYCLE | {f"slip_vic_controller.{part}" for part in ("cycle", "interfaces", "state")},
     "slip_vic_controller.cycle.governing": {
@@ -85,9 +84,8 @@ OWN = {  # layers inside a package: what of the own package a part may import
     "slip_vic_controller.path.joint_path": {"slip_vic_controller.law.arm", "slip_vic_controller.arm.robot"},
     "slip_vic_controller.law": {"slip_vic_controller.law", *SHARED},
     "slip_vic_controller.contact": {
-        f"slip_vic_controller.{part}" for part in ("contact", "law.contact", "law.rotation")
-    }
-    | SHARED,
+        f"slip_vic_controller.{part}" for part in ("contact", "law.contact", "law.rotation", "sizes")
+    },
     "slip_vic_controller.governor": {
         f"slip_vic_controller.{part}"
         for part in (

@@ -6,7 +6,7 @@ wrench that another mass of the object explains is that of another mass, and the
 tare has passed the wrench is the model's: a sensor that was not checked moves no joint, and a joint that moves all the
 same ends the tare in FAULT.
 Biases inside the configured bounds are taken out; a larger one is a reason not to begin, with the sensor's name.
-Noise that is larger than configured replaces what is configured (`arm/config.py`); that of joint velocities at once,
+Noise that is larger than configured replaces what is configured (`config/joints.py`); that of joint velocities at once,
 from their differences, in which a slow motion cancels: HOLD with too little noise configured shakes the arm, and finds
 no rest.
 """

@@ -10,7 +10,7 @@ from slip_core.errors import InputError
 from slip_msgs_py.fast_io import Refusals
 from slip_msgs_py.messages import from_msgs, to_msgs
 from slip_msgs_py.qos import create_publisher, create_subscription
-from slip_vic_controller.config import governed_stream
+from slip_vic_controller.config.controller import governed_stream
 from slip_vic_controller.node.arm_topics import STATE_DEPTH
 from slip_vic_controller.node.report import GO_ON
 from slip_vic_controller.params.node_params import ControllerNodeParams

@@ -55,7 +55,7 @@ _FRICTION = (
 class Reason(IntEnum):
     """The table: number, words, what to do; severity, how long it must last [s], whether it clears itself.
 
-    The words may name the fields of a `Why`, see `describe`. Where a parameter says how long, config.py does. The
+    The words may name the fields of a `Why`, see `describe`. Where a parameter says how long, `config` does. The
     numbers of what is wrong with a sample are part of the ledger's format.
     """
 

@@ -12,9 +12,9 @@ import numpy as np
 from slip_core.arrays import Array, readonly
 from slip_core.records import new, place, record
 from slip_core.types import DisplacementSample, JointSample, SlipSample, WrenchSample
-from slip_vic_controller.arm.config import with_measured_noise
 from slip_vic_controller.arm.joint_estimate import JointRecord
-from slip_vic_controller.config import renew_config, use_noise
+from slip_vic_controller.config.controller import renew_config, use_noise
+from slip_vic_controller.config.joints import with_measured_noise
 from slip_vic_controller.contact.layouts import ROW_SIZE
 from slip_vic_controller.contact.slip_displacement import SlipFromDisplacement
 from slip_vic_controller.cycle.cycle import cycle

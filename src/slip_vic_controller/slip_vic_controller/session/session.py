@@ -18,7 +18,7 @@ from slip_core.matrices import product
 from slip_core.params import flatten
 from slip_core.records import record, records
 from slip_core.types import CartesianReference, PoseGoal
-from slip_vic_controller.config import governed_stream
+from slip_vic_controller.config.controller import governed_stream
 from slip_vic_controller.cycle.cycle import cycle
 from slip_vic_controller.law.gains import gain_report
 from slip_vic_controller.params.controller_params import ControllerParams

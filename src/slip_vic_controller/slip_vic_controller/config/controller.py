@@ -13,11 +13,11 @@ from slip_core.matrices import product
 from slip_core.records import copy_fields, new, record
 from slip_core.stamps import seconds_to_ns
 from slip_vic_controller.arm.command import Interface
-from slip_vic_controller.arm.config import DEVIATIONS, estimator_config
 from slip_vic_controller.arm.estimator import BLIND_S, MEAN_S
 from slip_vic_controller.arm.joint_estimate import ESTIMATOR_CONFIG
 from slip_vic_controller.arm.robot import Robot
-from slip_vic_controller.contact.config import TUNING, observer_config, witnesses
+from slip_vic_controller.config.joints import DEVIATIONS, estimator_config
+from slip_vic_controller.config.observer import TUNING, observer_config, witnesses
 from slip_vic_controller.contact.friction_estimate import Friction
 from slip_vic_controller.contact.layouts import OBSERVER_CONFIG
 from slip_vic_controller.governor.layouts import GovernorConfig
