@@ -156,7 +156,7 @@ def messages(tick: Tick, scenario: Scenario, change: Any) -> Iterable[tuple[str,
         inner = TYPES["geometry_msgs/msg/Twist"](*_vectors(slip.twist))
         yield "/slip_velocity", TYPES["geometry_msgs/msg/TwistStamped"](_header(slip.stamp_ns), inner)
     interface, command = scenario.controller.command.interface, change(tick, np.array(result.command.numbers))
-    fields = (joint.position, command, NONE) if interface == "velocity" else (joint.position, joint.velocity, command)
+    fields = [command if interface == kind else NONE for kind in ("position", "velocity", "effort")]
     yield f"/{interface}_command", _joint_state(result.command.stamp_ns, names, *fields)
     layout = TYPES["std_msgs/msg/MultiArrayLayout"]([], 0)
     numbers = np.array([*result.ledger, *result.decision], dtype=np.int64)

@@ -55,7 +55,7 @@ _TABLE = (
     Topic("reference", "trajectory_msgs/msg/MultiDOFJointTrajectory", "user", "desired pose, twist and acceleration of `ee` in `world`, of several arms of the object's centre of mass: one point per message", depth=10, common=True),
     Topic("joint_trajectory", "trajectory_msgs/msg/JointTrajectory", "user", "one arm, `trajectory.kind` topic: a planner's path of the joints, positions and times of its points; the pad follows it, governed where `governor.mode` is set", depth=10, common=True),
     Topic("goal", "trajectory_msgs/msg/MultiDOFJointTrajectory", "user", "pose of `ee` in `world`, of several arms of the object's centre of mass, to come to rest at, in `time_from_start`: one point per message, where `trajectory.kind` is goal", depth=10, common=True),
-    Topic("effort_command", "sensor_msgs/msg/JointState", "controller", "joint efforts [N m] with the positions and velocities they answer, stamped as that joint state"),
+    Topic("effort_command", "sensor_msgs/msg/JointState", "controller", "joint efforts [N m], stamped as the joint state they answer"),
     Topic("effort_controller/commands", "std_msgs/msg/Float64MultiArray", "controller", "the same efforts for ros2_control's effort controllers, where `publish_effort_array` is set"),
     Topic("velocity_command", "sensor_msgs/msg/JointState", "controller", "where `command.interface` is velocity: joint velocities [rad/s], stamped as the joint state they answer"),
     Topic("velocity_controller/commands", "std_msgs/msg/Float64MultiArray", "controller", "the same velocities for ros2_control's velocity controllers"),

@@ -50,7 +50,7 @@ def fill_wrench_sensor(sensor: WrenchSensor, params: ControllerParams, robot: Ro
     """Write where the wrench is measured.
 
     Raises:
-        InputError: the frame's place is given twice, or the frame moves against the pad.
+        InputError: the frame's place is unknown or given twice, or the frame moves against the pad.
     """
     given = params.wrench
     sensor.force = sensor.torque = 1.0
@@ -67,6 +67,11 @@ def fill_wrench_sensor(sensor: WrenchSensor, params: ControllerParams, robot: Ro
                 expected=f"zeros: {given.frame} is a link of the URDF, which places it", fix="leave them out",
             )  # fmt: skip
         position, rotation = in_urdf
+    elif given.frame not in ("", params.ee_frame) and not placed:
+        raise InputError(
+            "parameter wrench.frame", got=given.frame, expected=f"a link that is fixed to {params.ee_frame}",
+            fix="wrench.position and wrench.rpy place a frame that is no link",
+        )  # fmt: skip
     sensor.force, sensor.torque = given.sign * given.force_scale, given.sign * given.torque_scale
     sensor.position[:], sensor.rotation[:] = position, rotation
     sensor.tool_mass, sensor.tool_com[:], sensor.gravity[:] = given.tool_mass, given.tool_com, params.gravity

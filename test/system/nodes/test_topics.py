@@ -46,8 +46,7 @@ def test_states_answered_under_own_stamp(run: dict[str, list[Any]]) -> None:
     assert [stamp_to_ns(m.header.stamp) for m in commands] == [stamp_to_ns(m.header.stamp) for m in states]
     for state, command in zip(states, commands, strict=True):
         assert list(state.name) == list(command.name) == JOINTS
-        assert list(command.position) == list(state.position)
-        assert list(command.velocity) == list(state.velocity)
+        assert len(command.position) == len(command.velocity) == 0
         assert np.isfinite(command.effort).all()
 
 

@@ -7,18 +7,23 @@ import itertools
 import re
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+import yaml
 from scipy.spatial.transform import Rotation
 
+from slip_core.errors import InputError
 from slip_core.files.urdf import chain, is_physical, named, parse_urdf
 from slip_core.params import build
+from slip_core.topics import TOPICS
 from slip_vic.cli import main
 from slip_vic.run.in_process import run_in_process
 from slip_vic.scenarios.reach import REACHED, follow, pad_path
 from slip_vic.scenarios.scenario import load_scenario, read_parameters
 from slip_vic.setup.arm import posture
+from slip_vic.setup.arm.driver import DRIVERS
 from slip_vic.setup.arm.hand import find_hand, fingers
 from slip_vic.setup.arm.posture import Start
 from slip_vic.setup.arm.write import ROTOR, Arm, failing, write_arm
@@ -26,6 +31,7 @@ from slip_vic.setup.arm.write_urdf import PAD, possible_inertia
 from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.params.node_params import ControllerNodeParams
 from slip_vic_controller.safety.modes import Mode
+from slip_vic_controller.session.controller import Controller
 from test.support.odd_arm import JOINTS, odd_arm_urdf, with_joint, with_link
 
 ROUNDING = 1e-9
@@ -278,6 +284,48 @@ def test_the_file_for_the_real_arm_is_safe_to_start(tmp_path: Path) -> None:
     *_, file = write_arm(arm, {"paper_planar": content}, tmp_path, Path("odd.urdf"), "velocity_500")
     params = build(ControllerNodeParams, read_parameters(file), "the file")
     assert (params.command.interface, params.drive.delay_s, params.trajectory.kind) == ("velocity", 0.004, "hold")
+    assert params.control_period_s == pytest.approx(0.002)
+
+
+def test_a_file_that_was_edited_stays(tmp_path: Path) -> None:
+    arm, content, _ = planar()
+    for _ in range(2):
+        write_arm(arm, {"paper_planar": content}, tmp_path, Path("odd.urdf"), "velocity_500", "vision_60")
+    file = tmp_path / "paper_planar_controller_realtime.yaml"
+    assert build(ControllerNodeParams, read_parameters(file), "the file").slip_sensor.rate_hz == 60.0
+    file.write_text(edited := file.read_text().replace("auto_enable: false", "auto_enable: true"))
+    with pytest.raises(InputError, match=r"realtime\.yaml: got a file that was edited"):
+        write_arm(arm, {"paper_planar": content}, tmp_path, Path("odd.urdf"))
+    assert file.read_text() == edited
+
+
+@pytest.mark.parametrize("name", sorted(DRIVERS))
+def test_a_driver_gets_its_controllers_and_remaps(name: str, tmp_path: Path) -> None:
+    """The joints in their order, each remap from a topic of ours, and parameters that our controller starts with."""
+    arm, content, _ = planar()
+    driver = DRIVERS[name]
+    if "wrench.frame" in driver.settings:
+        assert driver.settings["wrench.frame"] in named(parse_urdf(arm.urdf), "link")
+    write_arm(arm, {"paper_planar": content}, tmp_path, Path("odd.urdf"), driver.drive, "", driver)
+    known = yaml.safe_load((tmp_path / "controllers.yaml").read_text())
+    params = build(ControllerNodeParams, read_parameters(tmp_path / "paper_planar_controller_realtime.yaml"), "file")
+    kind = params.command.interface
+    forward = known[f"forward_{kind}_controller"]["ros__parameters"]
+    assert forward == {"joints": list(JOINTS), "interface_name": kind}
+    manager = known["controller_manager"]["ros__parameters"]
+    assert manager["update_rate"] * params.control_period_s == pytest.approx(1.0)
+    launch = ElementTree.parse(tmp_path / "paper_planar.launch.xml").getroot()
+    spawner, node = launch.findall("node")
+    spawned = spawner.get("args", "").partition(" --param-file")[0].split()
+    assert [manager[one]["type"].split("/")[0] != "" for one in spawned] == [True] * len(spawned)
+    remaps = {str(one.get("from")): one.get("to") for one in node.findall("remap")}
+    assert set(remaps) <= set(TOPICS)
+    assert remaps[f"{kind}_controller/commands"] == f"/forward_{kind}_controller/commands"
+    assert (params.effort.gravity, params.wrench.sign) == (
+        ("robot_compensates", -1) if name == "franka" else ("include", 1)
+    )
+    assert params.publish_effort_array or kind != "effort"
+    Controller({"": params.model_copy(update={"robot_description": arm.urdf})}, {"": arm.urdf}, lockstep=False)
 
 
 def test_a_pad_inside_the_flange_is_said() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -29,9 +30,12 @@ def test_it_says_holds_only_of_what_it_has_run() -> None:
     assert code == 1
     assert "holds in 1 of 2 simulated worlds" in words
     assert "friction-: " in words
-    code, words = check("--mismatch", "friction-", "--set", "bridge.duration_s=2.5")
+    code, words = check("--mismatch", "none", "--set", "bridge.duration_s=4.5")
     assert code == 0, words
-    assert "holds in 2 of 2 simulated worlds" in words
+    assert "holds in 1 of 1 simulated worlds" in words
+    code, words = check("--mismatch", "none", "--set", "bridge.duration_s=1.5")
+    assert code == 1
+    assert "none: does not arrive: ends" in words
 
 
 def test_the_sensor_is_known_to_both_sides() -> None:
@@ -51,6 +55,22 @@ def test_two_contacts_are_refused_in_one_line(command: str) -> None:
     assert "got 2 contacts, expected one for each arm, 1" in str(done.exception)
 
 
+def test_a_wrist_without_inertia_is_refused_before_it_moves(tmp_path: Path) -> None:
+    """M_D may be as many times the inertia that a joint moves as of a tenth of the object's: 0.3 / 2e-4."""
+    urdf = load_scenario("paper_planar").urdf
+    light = re.sub(r'(i(xx|yy|zz))="[^"]*"', r'\1="1e-7"', urdf[urdf.index('"arm_link6"') :])
+    (tmp_path / "light.urdf").write_text(
+        urdf[: urdf.index('"arm_link6"')] + re.sub('mass value="[^"]*"', 'mass value="1e-3"', light)
+    )
+    words = ("--urdf", str(tmp_path / "light.urdf"), "--mismatch", "none", "--set", "bridge.duration_s=0.05")
+    code, said = check(*words)
+    assert code == 2
+    assert "M_D over the inertia of arm_joint7 fails" in said
+    assert "limit 1500" in said
+    code, said = check(*words, "--set", "drive.armature=[0.001]")
+    assert "M_D over the inertia of arm_joint7 holds: 300, limit 1500" in said.replace("299.97", "300")
+
+
 def test_an_unknown_mismatch_is_a_mistake() -> None:
     done = CliRunner().invoke(cli, ["check", "--mismatch", "friktion-"])
     assert "friktion-" in str(done.exception)
@@ -62,8 +82,9 @@ def test_the_bound_on_k_s_and_the_exit_code() -> None:
     assert refused.exit_code == 2
     assert "fails" in refused.output
     arguments += ["--mismatch", "none", "--set", "bridge.duration_s=0.05"]
-    assert CliRunner().invoke(cli, arguments).exit_code == 0
+    done = CliRunner().invoke(cli, arguments)
+    assert (done.exit_code, "does not arrive" in done.output) == (1, True)
     file = "config/paper_planar/controller_vic.yaml"
     with_file = CliRunner().invoke(cli, ["check", "--params", str(Path(__file__).parents[3] / file), *arguments[1:]])
-    assert with_file.exit_code == 0
+    assert with_file.exit_code == 1
     assert "54.8861" in with_file.output

@@ -80,6 +80,8 @@ def test_a_urdf_link_places_the_wrench_sensor() -> None:
         one_arm(twice, urdf, lockstep=True)
     with pytest.raises(InputError, match="a link that is fixed to ee"):
         one_arm(scenario("controller.wrench.frame=arm_link3").controller, urdf, lockstep=True)
+    with pytest.raises(InputError, match=r"got sensor_frame, expected a link .* wrench\.position and"):
+        one_arm(scenario("controller.wrench.frame=sensor_frame").controller, urdf, lockstep=True)
 
 
 def test_an_arm_that_compensates_gravity() -> None:

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 from slip_core.stamps import split_ns
 from slip_core.topics import WORLD
+from slip_core.types import CommandInterface
 from slip_msgs_py.messages.cdr import put_numbers
 from slip_msgs_py.qos import message_class
 
@@ -49,6 +50,11 @@ def joint_state(names: Sequence[str]) -> Form:
     """Positions, velocities and efforts of named joints; (n,) [rad], [rad/s], [N m]."""
     fields = ("position", "velocity", "effort")
     return Form("sensor_msgs/msg/JointState", fields, (len(names),) * 3, {"name": list(names)})
+
+
+def joint_command(names: Sequence[str], interface: CommandInterface) -> Form:
+    """Positions, velocities or efforts that named joints are commanded, and nothing else; (n,)."""
+    return Form("sensor_msgs/msg/JointState", (interface,), (len(names),), {"name": list(names)})
 
 
 def slip_truth() -> Form:

@@ -4,11 +4,34 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 
-from slip_vic.experiments.run import Row, play, row_of
+import numpy as np
+
+from slip_vic.experiments.run import Row, kind_of, play, row_of
 from slip_vic.experiments.world import NO_MISMATCH, World, mismatch_assignments
 from slip_vic.options import Choice
-from slip_vic.scenarios.scenario import load_scenario
+from slip_vic.scenarios.reach import judge_inertia
+from slip_vic.scenarios.scenario import Scenario, load_scenario
+from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.law.bounds import GainReport
+from slip_vic_controller.law.gains import gain_report
+
+
+def judged(scenario: Scenario) -> GainReport:
+    """Return the verdict on the gains of the first arm, with the inertia that they find there."""
+    name, params = next(iter(scenario.controllers.items()))
+    armature = params.drive.of_joints("armature", len(params.joint_names))
+    robot = Robot(scenario.placed[name], params.ee_frame, params.joint_names, params.gravity, armature)
+    report = gain_report(params, refuse=False)
+    wrist = judge_inertia(robot, np.array(scenario.bridges[name].initial_position), params)
+    return report._replace(conditions=(*report.conditions, wrist))
+
+
+def hindered(row: Row) -> str:
+    """Return why a simulated world does not hold; empty where the object arrives."""
+    if row["outcome"] != "ok":
+        return row["reason"]
+    off = 1e3 * float(row["off_goal_m"])
+    return "" if kind_of(row) == "arrived" else f"does not arrive: ends {off:.3g} mm from its goal"
 
 
 def gain_lines(report: GainReport) -> Iterator[str]:

@@ -119,18 +119,18 @@ def study(
 def check(*, choice: Choice, mismatches: tuple[str, ...]) -> None:
     """Check what will hold before anything moves: gains, arm, path, and worlds that differ from the configured one.
 
-    Bound on k_s, Propositions 1 to 3; whether the arm can start where the scenario has it and follow its path; then
-    simulations in this process. Exit code 2 where gains or path are refused, 1 where a simulated world does not hold.
+    Bound on k_s, Propositions 1 to 3, M_D over the inertia of the wrist; whether the arm can start where the scenario
+    has it and follow its path; then simulations in this process. Exit code 2 where gains or path are refused, 1 where
+    the object does not arrive in a simulated world.
     """
     from rich.console import Console
 
-    from slip_vic.experiments.check import gain_lines, run_worlds
+    from slip_vic.experiments.check import gain_lines, hindered, judged, run_worlds
     from slip_vic.experiments.tables import tables_of
     from slip_vic.scenarios.scenario import load_scenario
-    from slip_vic_controller.law.gains import gain_report
 
     loaded = load_scenario(**choice)
-    report = gain_report(next(iter(loaded.controllers.values())), refuse=False)
+    report = judged(loaded)
     for line in gain_lines(report):
         click.echo(line)
     if not report.hold:
@@ -142,9 +142,9 @@ def check(*, choice: Choice, mismatches: tuple[str, ...]) -> None:
         click.echo(f"refused: {rows[0]['reason']}", err=True)
         raise click.exceptions.Exit(2)
     click.echo("\n\n".join(tables_of(rows)))
-    failed = [row for row in rows if row["outcome"] != "ok"]
+    failed = {row["mismatch"]: why for row in rows if (why := hindered(row))}
     click.echo(f"holds in {len(rows) - len(failed)} of {len(rows)} simulated worlds")
-    end_with(f"{row['mismatch']}: {row['reason']}" for row in failed)
+    end_with(f"{mismatch}: {why}" for mismatch, why in failed.items())
 
 
 @click.command()

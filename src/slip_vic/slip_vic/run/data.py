@@ -158,13 +158,17 @@ def _read_arm(bag: Bag, name: str, topics: Mapping[str, str], start_ns: int) -> 
             rows = np.array(commands["effort"][given].tolist(), dtype=np.float64)
             channels["effort"] = Channel(np.array((commands.stamps[given] - start_ns) * 1e-9, dtype=np.float64), rows)
     states, scalars = series["joint_states"], series.get("controller/scalars")
+    symbols = () if scalars is None else tuple(map(str, scalars["name"][0]))
+    efforts = [symbols.index(name) for name in symbols if name.startswith("effort_")]
+    if "effort" not in channels and efforts:  # of drives with loops of their own
+        channels["effort"] = Channel(channels["law"].times, channels["law"].rows[:, efforts])
     return ArmData(
         name,
         urdf_of(bag, name),
         tuple(map(str, states["name"][0])),
         _parameters(bag, "controller.params.yaml", name),
         channels,
-        () if scalars is None else tuple(map(str, scalars["name"][0])),
+        symbols,
         _modes(bag, topics.get("controller/mode"), states, start_ns),
     )
 

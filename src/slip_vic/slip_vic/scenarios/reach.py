@@ -10,8 +10,11 @@ from scipy.spatial.transform import Rotation
 
 from slip_core.arrays import Array
 from slip_core.errors import InputError
+from slip_core.records import new, record
 from slip_sim_bridge.params import BridgeParams
 from slip_vic_controller.arm.robot import Robot
+from slip_vic_controller.law.arm import ARM
+from slip_vic_controller.law.bounds import Condition
 from slip_vic_controller.law.torque import given_axes
 from slip_vic_controller.params.controller_params import ControllerParams, SingularityParams, TrajectoryParams
 from slip_vic_controller.path.paths import make_path, sample_path
@@ -20,6 +23,9 @@ SIGMA_MIN: Final = SingularityParams().sigma_min
 """Singular value of the Jacobian below which torques are damped, where nothing else is configured."""
 REACHED = 1e-4
 """[m, rad] Pose error below which a point counts as reached: a tenth of what counts as arriving."""
+WRIST_SHARE = 0.1
+"""Share of the object's inertia below which that of a joint is too small to be all there is: a URDF leaves out its
+rotor."""
 POINTS = 60
 _ITERATIONS = 40
 _LONGEST_STEP = 0.3
@@ -127,6 +133,23 @@ def follow(robot: Robot, start: Array, times: Array, path: Array, payload: Array
 def smallest(J: Array) -> float:
     """Return the smallest singular value of a matrix."""
     return float(np.linalg.svd(J, compute_uv=False)[-1])
+
+
+def judge_inertia(robot: Robot, q: Array, params: ControllerParams) -> Condition:
+    """Judge the inertia that the lightest joint moves in a posture (n,), as seen from M_D.
+
+    The law cancels what is there to put M_D in its place: of next to nothing every error of a torque is a large
+    acceleration.
+    """
+    buffer = new(ARM)
+    robot.terms(q, np.zeros(len(q)), buffer)
+    inertia = np.diag(record(buffer, ARM).M)[: len(q)]
+    light, most = int(inertia.argmin()), max(params.gains.inertia[3:])
+    least = WRIST_SHARE * min(params.object.inertia[:3])
+    reason = f"{robot.joint_names[light]} moves {inertia[light]:.2g} kg m2, the object has ten times {least:.2g}: "
+    reason += "drive.armature adds the rotor's inertia"
+    name = f"M_D over the inertia of {robot.joint_names[light]}"
+    return Condition(name, most / max(float(inertia[light]), 1e-12), most / least, reason, "drive.armature")
 
 
 def check_start(robot: Robot, controller: ControllerParams, bridge: BridgeParams) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from slip_core.errors import InputError
-from slip_vic.options import DRIVE, PACKAGE, names, out_option
+from slip_vic.options import DRIVE, PACKAGE, SENSOR, names, out_option
 
 AXIS = click.Choice(["x", "-x", "y", "-y", "z", "-z"])
 
@@ -33,6 +33,12 @@ AXIS = click.Choice(["x", "-x", "y", "-y", "z", "-z"])
 @click.option("--scenario", "scenarios", default="paper_planar", show_default=True, help="names, comma separated")
 @click.option("--scale", type=click.FloatRange(0.01, 10.0), default=1.0, show_default=True, help="size of the path")
 @DRIVE
+@SENSOR
+@click.option(
+    "--driver",
+    type=click.Choice(["ur", "franka", "xarm", "kinova", "generic"]),
+    help="write controllers.yaml and launch files for this ros2_control driver, which also chooses --drive",
+)
 @out_option(None, "folder; default: named like the file, here")
 def arm(
     *,
@@ -47,13 +53,18 @@ def arm(
     scenarios: str,
     scale: float,
     drive: str,
+    sensor: str,
+    driver: str | None,
     out: Path | None,
 ) -> None:
     """Make a folder that runs from an arm's URDF or xacro file: arm.urdf, scenarios, parameters for the real arm."""
     from slip_core.files.urdf_file import read_urdf
     from slip_vic.presets.models import load_drive
+    from slip_vic.setup.arm.driver import DRIVERS
     from slip_vic.setup.arm.write import Arm, way_table, write_arm
 
+    known = DRIVERS[driver] if driver else None
+    drive = drive or (known.drive if known else "")
     made = Arm(
         read_urdf(str(urdf), f"URDF {urdf}", dict(map(_argument, arguments))),
         link=link,
@@ -74,10 +85,10 @@ def arm(
         for line in said:
             click.echo(line)
     folder = out or Path(urdf.name.partition(".")[0])
-    for path in write_arm(made, tasks, folder, urdf, drive):
+    for path in write_arm(made, tasks, folder, urdf, drive, sensor, known):
         click.echo(path)
-    of_drive = f" --drive {drive}" if drive else ""
-    click.echo(f"next: slip-vic demo --scenario {folder / next(iter(tasks))}.yaml{of_drive} --out {folder / 'demo'}")
+    presets = "".join(f" --{kind} {name}" for kind, name in (("drive", drive), ("sensor", sensor)) if name)
+    click.echo(f"next: slip-vic demo --scenario {folder / next(iter(tasks))}.yaml{presets} --out {folder / 'demo'}")
 
 
 def _position(text: str) -> tuple[str, float]:

@@ -53,7 +53,9 @@ class ArmTopics:
         part, names, contacts = self._node, self.params.joint_names, arm.contacts
         self._interface = self.params.command.interface
         # Without events, so that configured again at once it does not count as a second publisher.
-        self._send_command = create_sender(part, f"{self._interface}_command", forms.joint_state(names), events=False)
+        self._send_command = create_sender(
+            part, f"{self._interface}_command", forms.joint_command(names, self._interface), events=False
+        )
         self._send_array = (
             create_sender(part, f"{self._interface}_controller/commands", forms.numbers(len(names)))
             if self._interface != "effort" or self.params.publish_effort_array
@@ -86,26 +88,21 @@ class ArmTopics:
         if newest is None or self._lockstep:
             return
         if self._interface == "velocity":
-            zero = np.zeros(len(newest.position))
-            self._send(newest.stamp_ns, newest.position, zero, zero, zero)
+            self._send(newest.stamp_ns, np.zeros(len(newest.position)))
         else:
-            position = NO_NUMBERS if self._interface == "position" else newest.position
-            self._send_command.send(newest.stamp_ns, position, newest.velocity, NO_NUMBERS)
+            self._send_command.send(newest.stamp_ns, NO_NUMBERS)
 
-    def _send(self, stamp_ns: int, position: Array, velocity: Array, effort: Array, command: Array) -> None:
-        self._send_command.send(stamp_ns, position, velocity, effort)
+    def _send(self, stamp_ns: int, command: Array) -> None:
+        self._send_command.send(stamp_ns, command)
         if self._send_array is not None and len(command):
             self._send_array.send(stamp_ns, command)
 
     def command(self, result: CycleResult, began_ns: int) -> None:
-        """Publish the command of a cycle that began at this steady time."""
-        numbers, joint = result.numbers, result.joint
+        """Publish the command of a cycle that began at this steady time: what is commanded alone."""
+        stamp_ns = result.joint.stamp_ns
         if self._send_grip is not None:
-            self._send_grip.send(joint.stamp_ns, (result.grip,))
-        # Beside what is commanded stands what was measured, so that viewers draw the robot where it is.
-        fields = {"position": joint.position, "velocity": joint.velocity, "effort": result.effort}
-        fields[self._interface] = numbers
-        self._send(joint.stamp_ns, fields["position"], fields["velocity"], fields["effort"], numbers)
+            self._send_grip.send(stamp_ns, (result.grip,))
+        self._send(stamp_ns, result.numbers)
         self.report.time(result, began_ns)
 
     def tell(self, result: CycleResult) -> None:

@@ -162,7 +162,7 @@ class ArmSession:
         fault = receive_joint_state(self.config, self.row, stamp_ns, q, qd, effort, refused, now_ns, self._lockstep)
         if self._lockstep or not _UNANSWERED[fault]:
             self.overdue = self.waiting is not None
-            if self._whole.item(_WITHOUT):  # what a command shows beside its numbers is numbers, too
+            if self._whole.item(_WITHOUT):  # who reads the result finds numbers
                 sample = self.validated(sample)
             self.waiting = sample, fault, 0, None
 

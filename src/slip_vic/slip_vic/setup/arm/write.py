@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 from pathlib import Path
 from typing import Any
@@ -15,25 +16,25 @@ from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.files.plain_yaml import read_yaml
 from slip_core.files.urdf import NO_LIMIT, parse_urdf
-from slip_core.records import new, record
+from slip_core.params import build, flatten
 from slip_core.types import AXES
 from slip_vic.presets import preset_text
 from slip_vic.scenarios.parameter_files import commented_file, write_files
-from slip_vic.scenarios.reach import pad_path
+from slip_vic.scenarios.reach import judge_inertia, pad_path
 from slip_vic.scenarios.scenario import NODES, Scenario, load_scenario
+from slip_vic.setup.arm.driver import Driver, driver_files
 from slip_vic.setup.arm.hand import Hand, find_hand
 from slip_vic.setup.arm.posture import Start, best_start, postures
 from slip_vic.setup.arm.write_urdf import PAD, Limits, arm_urdf
 from slip_vic_controller.arm.robot import Robot
-from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.params.node_params import ControllerNodeParams
 
 URDF_NAME = "arm.urdf"
+DIGESTS = "slip_vic_arm.sha256"
 LONGEST_REACH_M = 1.0
-WRIST_SHARE, ROTOR = 0.1, 1e-3
-"""Share of the object's inertia below which that of a joint is too small to be all there is: a URDF leaves out its
-rotor. Inertia that one has behind its gears at least [kg m2]; with 0.2 of it the laws already work as with 20 times."""
+ROTOR = 1e-3
+"""Inertia that a rotor has behind its gears at least [kg m2]; with 0.2 of it the laws work as with 20 times."""
 _ROUNDED = 9
 _LENGTHS = {"displacement", "rotation", "waypoints", "radius"}
 _TIMES = {"start_s", "duration_s", "period_s", "ramp_s"}
@@ -123,11 +124,12 @@ class Arm:
         content, said = self._content(base, start, scale), []
         if not start.way.given.all():
             said.append(self._follows(content["controller"]["trajectory"], start, path[-1]))
-        if light := self.light_joints(start.posture, controller):
+        wrist = judge_inertia(robot, start.posture, controller)
+        if not wrist.holds:
             content["shared"]["drive"] = {"armature": [ROTOR]}
             said.append(
-                f"{', '.join(light)}: hardly any inertia in the URDF, which leaves out rotors; drive.armature "
-                f"{ROTOR:g} kg m2 is assumed for every joint: correct it from the data sheet"
+                f"{wrist.name}: hardly any inertia in the URDF, which leaves out rotors; drive.armature {ROTOR:g} "
+                "kg m2 is assumed for every joint: correct it from the data sheet"
             )
         return content, start, said
 
@@ -146,17 +148,6 @@ class Arm:
             f"{len(self.hand.joints)} joints: the law commands {', '.join(axes[0])}; {', '.join(axes[1])} follow from "
             f"the arm's posture, which turns the hand by [{does}] rad on this path, for [{asked}] in the scenario"
         )
-
-    def light_joints(self, q: Array, params: ControllerParams) -> list[str]:
-        """Return the joints that feel hardly any inertia of the arm in a posture (n,), beside that of the object.
-
-        An impedance law cancels what is there: where it is next to nothing, every error of a torque is a large
-        acceleration.
-        """
-        buffer = new(ARM)
-        self.robot.terms(q, np.zeros(len(q)), buffer)
-        inertia = np.diag(record(buffer, ARM).M)[: len(q)]
-        return [self.hand.joints[j] for j in np.flatnonzero(inertia < WRIST_SHARE * min(params.object.inertia[:3]))]
 
     def _content(self, base: str, start: Start, scale: float) -> dict[str, Any]:
         text = preset_text("scenarios", base)
@@ -210,45 +201,84 @@ def failing(start: Start | None, robot: Robot, params: ControllerParams) -> str:
     return ""
 
 
-def write_arm(arm: Arm, tasks: dict[str, dict[str, Any]], folder: Path, source: Path, drive: str = "") -> list[Path]:
+def write_arm(
+    arm: Arm, tasks: dict[str, dict[str, Any]], folder: Path, source: Path, drive: str = "", sensor: str = "",
+    driver: Driver | None = None,
+) -> list[Path]:  # fmt: skip
     """Write the arm, its scenarios and the parameter files for the real one; return their paths.
 
-    drive: name or file of its drives, of which the parameters for the real arm have the interface and the delays.
+    Args:
+        arm: the arm.
+        tasks: content of its scenario files by their names.
+        folder: where to.
+        source: file of the arm.
+        drive, sensor: names or files, of which the parameters for the real arm have the interface, rates and delays.
+        driver: of the real arm, for which it gets controllers and launch files.
 
     Raises:
-        InputError: where the folder cannot be written.
+        InputError: where the folder cannot be written, or has a file that was edited.
     """
     head = f"# Made by `slip-vic arm {source.name}`; edit it as you like.\n"
     files = {URDF_NAME: arm.urdf}
     for name, content in tasks.items():
         text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=120, allow_unicode=True)
         files[f"{name}.yaml"] = head + text
-    write_files(folder, files)
+    _write(folder, files)
+    settings = driver.settings if driver else {}
     real = {
-        f"{name}_controller_realtime.yaml": f"{_REAL_HEAD}{commented_file(params, NODES['controller'][0], _ALWAYS)}"
+        f"{name}_controller_realtime.yaml": real_parameters(loaded, driver)
         for name in tasks
-        for loaded in [load_scenario(str(folder.absolute() / f"{name}.yaml"), law="governed", drive=drive)]
-        for params in [real_parameters(loaded)]
+        for path in [str(folder.absolute() / f"{name}.yaml")]
+        for loaded in [load_scenario(path, law="governed", drive=drive, sensor=sensor)]
     }
-    write_files(folder, real)
-    return [folder / name for name in (*files, *real)]
+    more = {
+        name: f"{_REAL_HEAD}{commented_file(params, NODES['controller'][0], (*_ALWAYS, *settings))}"
+        for name, params in real.items()
+    }
+    if driver is not None:
+        more |= driver_files(driver, real, arm.hand.link)
+    _write(folder, more)
+    return [folder / name for name in (*files, *more)]
 
 
-def real_parameters(scenario: Scenario) -> ControllerNodeParams:
+def _write(folder: Path, files: dict[str, str]) -> None:
+    """Write files to a folder, unless one there was edited since; their digests are kept beside them.
+
+    Raises:
+        InputError: with the file that was edited.
+    """
+    record = folder / DIGESTS
+    lines = record.read_text(encoding="utf-8").splitlines() if record.is_file() else []
+    made = {name: digest for digest, _, name in (line.partition("  ") for line in lines)}
+    for name in files:
+        path = folder / name
+        if path.exists() and hashlib.sha256(path.read_bytes()).hexdigest() != made.get(name):
+            raise InputError(
+                f"output {path}", got="a file that was edited", expected="one as `slip-vic arm` wrote it",
+                fix="another --out, or move it away",
+            )  # fmt: skip
+    made |= {name: hashlib.sha256(text.encode()).hexdigest() for name, text in files.items()}
+    write_files(folder, files | {DIGESTS: "".join(f"{digest}  {name}\n" for name, digest in made.items())})
+
+
+def real_parameters(scenario: Scenario, driver: Driver | None = None) -> ControllerNodeParams:
     """Return the controller's parameters for the first start on the real arm of a scenario.
 
     It holds the arm where it finds it, and does not leave HOLD by itself; the governor learns the friction instead of
-    trusting the scenario's.
+    trusting the scenario's. Its period is that of the arm's joint states.
     """
     known = scenario.controller
-    return known.model_copy(
-        update={
-            "mode": "realtime",
-            "trajectory": type(known.trajectory)(kind="hold"),
-            "governor": known.governor.model_copy(update={"friction": "unknown"}),
-            "safety": known.safety.model_copy(update={"auto_enable": False}),
-        }
-    )
+    rate = known.joint_sensor.rate_hz
+    values = {name: value for name, value in flatten(known).items() if not name.startswith("trajectory.")}
+    values |= {
+        "mode": "realtime",
+        "control_period_s": 1.0 / rate if rate > 0.0 else known.control_period_s,
+        "governor.friction": "unknown",
+        "safety.auto_enable": False,
+        "publish_effort_array": driver is not None and known.command.interface == "effort",
+    }
+    values |= driver.settings if driver else {}
+    return build(ControllerNodeParams, values, f"scenario {scenario.name}: the real arm")
 
 
 def way_table(arm: Arm, name: str, start: Start) -> str:
