@@ -95,8 +95,12 @@ class SlipSensorModel(ParameterModel):
 
     rate_hz: float = parameter(0.0, "measuring rate; 0 measures at every control cycle", unit="Hz", ge=0.0)
     latency_s: float = parameter(0.0, "time from measurement to arrival", unit="s", ge=0.0)
-    noise_linear: float = parameter(0.0, "standard deviation of each linear axis that can slip", unit="m/s", ge=0.0)
-    noise_angular: float = parameter(0.0, "standard deviation of each angular axis that can slip", unit="rad/s", ge=0.0)
+    noise_linear: float = parameter(
+        0.0, "standard deviation of each linear axis that can slip", unit="m/s", ge=0.0, le=0.1
+    )
+    noise_angular: float = parameter(
+        0.0, "standard deviation of each angular axis that can slip", unit="rad/s", ge=0.0, le=10.0
+    )
     quantum_linear: float = parameter(0.0, "step of the linear readings", unit="m/s", ge=0.0)
     dead_band_linear: float = parameter(0.0, "linear speed below which the sensor reads zero", unit="m/s", ge=0.0)
     dead_band_angular: float = parameter(0.0, "angular speed below which the sensor reads zero", unit="rad/s", ge=0.0)

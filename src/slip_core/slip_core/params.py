@@ -27,9 +27,13 @@ Model = TypeVar("Model", bound="ParameterModel")
 _RANGE: Final = (1e-6, 1e6)
 _RANGES: Final[Mapping[str, tuple[float, float]]] = _types.MappingProxyType(
     {
-        "Hz": (1e-3, 1e6),
-        "kg m2": (1e-12, 1e6),
-        **dict.fromkeys(("", "m/s", "rad/s", "m/s, rad/s", "m/s2", "m/s^2", "rad/s^2"), (1e-9, 1e6)),
+        "Hz": (1e-3, 1e5),
+        "kg": (1e-6, 100.0),
+        "kg m2": (1e-12, 100.0),
+        **dict.fromkeys(("m", "rad", "m, rad"), (1e-6, 1e3)),
+        **dict.fromkeys(("m/s", "rad/s", "m/s, rad/s"), (1e-9, 1e3)),
+        **dict.fromkeys(("N", "N m", "N, N m"), (1e-6, 1e4)),
+        **dict.fromkeys(("", "m/s2", "m/s^2", "rad/s^2"), (1e-9, 1e6)),
         "N/m, N m/rad": (1e-6, 1e5),
         **dict.fromkeys(("N m/rad", "N s/m", "N m s/rad", "N s/m, N m s/rad"), (1e-6, 1e7)),
         **dict.fromkeys(("1/s2", "1/s^2"), (1e-6, 1e8)),
@@ -42,7 +46,7 @@ _RANGES: Final[Mapping[str, tuple[float, float]]] = _types.MappingProxyType(
 def range_of(unit: str) -> tuple[float, float]:
     """Return the smallest size of what must be above zero and the largest of all in a unit.
 
-    Wider than any machine needs, and so narrow that no product or quotient in a formula leaves double precision. A
+    Wider than any arm with its object needs: what lies beyond is a number in another unit, as grams for kilograms. A
     declaration may be narrower.
     """
     return _RANGES.get(unit, _RANGE)

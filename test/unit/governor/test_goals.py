@@ -42,7 +42,7 @@ def test_goal_reached_from_any_motion() -> None:
 
 def at_work(mode: str) -> MadeUp:
     """Return a controller of goals; an arm that stays where it is is no finding here."""
-    calm = {"load__drop_speed": 1e6, "limits__error_linear": 1e6}
+    calm = {"load__drop_speed": 1e3, "limits__error_linear": 100.0}
     return law_at_work(
         trajectory__kind="goal", governor__mode=mode, governor__friction_limit=50.0,
         **{f"safety__{name}": value for name, value in calm.items()},

@@ -29,8 +29,8 @@ NAN, INF = float("nan"), float("inf")
 ZERO = np.zeros(6)
 SLOW = {"gains__k_s": 100.0}  # what the estimator allows at once
 CALM = {
-    "safety__load__drop_speed": 1e6, "safety__limits__error_linear": 1e6,
-    "safety__limits__error_angular": 1e6,
+    "safety__load__drop_speed": 1e3, "safety__limits__error_linear": 100.0,
+    "safety__limits__error_angular": 100.0,
 }  # fmt: skip
 """An arm that is held does not do what the law wants: nothing of that is to be a finding here."""
 

@@ -23,7 +23,7 @@ KINDS = (
         "trajectory__displacement": (0.1, 0.0, 0.05),
     },
 )
-CALM = {"safety__load__drop_speed": 1e6}  # nobody moves the arm
+CALM = {"safety__load__drop_speed": 1e3}  # nobody moves the arm
 
 
 def digests() -> list[str]:

@@ -21,8 +21,8 @@ PATH = {
     "trajectory__rotation": (0.0, 0.2, 0.1), "trajectory__duration_s": 2.0, "trajectory__start_s": 0.05,
 }  # fmt: skip
 CALM = {
-    "safety__load__drop_speed": 1e6, "safety__limits__error_linear": 1e6,
-    "safety__limits__error_angular": 1e6,
+    "safety__load__drop_speed": 1e3, "safety__limits__error_linear": 100.0,
+    "safety__limits__error_angular": 100.0,
 }  # fmt: skip
 STILL = {"joint": {"velocity": np.zeros(N)}, "slip": np.zeros(6)}
 CLOSE = 1e-8  # [m]: what is lost of the path is counted in whole nanoseconds
