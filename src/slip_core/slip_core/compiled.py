@@ -88,7 +88,7 @@ def _folder(package: Path) -> Path:
         digest.update(text)
     folder = user_cache() / f"{package.name}-{digest.hexdigest()[:16]}"
     if not folder.exists():
-        print(f"compiling {package.name} for this machine, once: about a minute", file=sys.stderr, flush=True)
+        print(f"compiling {package.name} for this machine, once", file=sys.stderr, flush=True)
     make_folder(folder)
     check_private(folder, os.geteuid())
     return folder

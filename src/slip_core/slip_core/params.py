@@ -9,7 +9,7 @@ from __future__ import annotations
 import functools
 import types as _types
 import typing
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Final, Self, TypeVar
@@ -262,6 +262,21 @@ def parse_assignment(text: str) -> tuple[str, Any]:
     except yaml.YAMLError:
         raise InputError(f"--set {key}", got=value, expected="a YAML value: a number, a word, or [a, b, c]") from None
     return key.strip(), str(read) if isinstance(read, Doubtful) else read  # there are no lines
+
+
+Assignments = str | Iterable[str] | Mapping[str, Any]
+"""Values of parameters by dotted name: a text ``key=value`` or several, or a mapping."""
+
+
+def parse_assignments(given: Assignments) -> list[tuple[str, Any]]:
+    """Return names and values of assignments.
+
+    Raises:
+        InputError: see `parse_assignment`.
+    """
+    if isinstance(given, Mapping):
+        return [*given.items()]
+    return [parse_assignment(str(text)) for text in ([given] if isinstance(given, str) else given)]
 
 
 def load_yaml(path: Path) -> dict[str, Any]:

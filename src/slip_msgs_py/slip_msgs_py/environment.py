@@ -26,22 +26,23 @@ TRANSPORTS: Final = "FASTDDS_BUILTIN_TRANSPORTS"
 RMW: Final = "RMW_IMPLEMENTATION"
 
 
-def choose_transport() -> None:
+def choose_transport() -> bool:
     """Set in the environment how this process and its children send, unless the user has set it.
 
-    To be called before rclpy starts.
+    To be called before rclpy starts. Return whether DDS stays on this machine, as far as is known.
     """
+    profile = str(Path(__file__).with_name("localhost.xml"))
     if any(os.environ.get(name) for name in PROFILES):
-        return
+        return os.environ.get(PROFILES[0]) == profile
     if os.environ.get(LOCALHOST_ONLY) == "1":
         os.environ |= {LOCALHOST_ONLY: "0", RANGE: LOCALHOST}
     here = os.environ.setdefault(RANGE, LOCALHOST) == LOCALHOST and not os.environ.get(PEERS)
     if here and os.environ.get(RMW, "rmw_fastrtps_cpp").startswith("rmw_fastrtps"):
-        profile = Path(__file__).with_name("localhost.xml")
         # With LOCALHOST rmw_fastrtps adds shared memory, whatever a profile sets.
-        os.environ |= {RANGE: "SYSTEM_DEFAULT", PROFILES[0]: str(profile)}
+        os.environ |= {RANGE: "SYSTEM_DEFAULT", PROFILES[0]: profile}
     else:
         os.environ.setdefault(TRANSPORTS, "UDPv4")
+    return here
 
 
 def check_ros() -> None:

@@ -119,7 +119,7 @@ class BridgeParams(ArmParams):
     peer_timeout_s: float = parameter(
         180.0, "how long to wait for the peers; one that compiles its formulas takes over a minute", unit="s", gt=0.0
     )
-    lockstep_timeout_s: float = parameter(5.0, "longest wait for the command of a lockstep tick", unit="s", gt=0.0)
+    lockstep_timeout_s: float = parameter(60.0, "longest wait for the command of a lockstep tick", unit="s", gt=0.0)
     command_timeout_s: float = parameter(
         0.03,
         "age of the last command, from the state it answers, above which the arm holds its posture by itself: no loop "

@@ -20,7 +20,7 @@ def load(
     drive: str | Path = "",
     seed: int = 0,
     mode: Mode = "lockstep",
-    set: Sequence[str] = (),
+    set: Sequence[str] | Mapping[str, Any] = (),
     urdf: str | Path | None = None,
     parameters: Mapping[str, Any] | Path | None = None,
 ) -> Scenario:
@@ -38,8 +38,7 @@ def load(
         drive: the arm's drives and encoders, see `preset_names("drives")`, or a YAML file; empty: ideal.
         seed: of the sensors' noise.
         mode: lockstep, or realtime for nodes.
-        set: overrides as on the command line, e.g. "controller.gains.k_s=500", "bridge.grip.force=0.6",
-            "object.mass=0.6".
+        set: overrides, as on the command line or as a mapping: ["object.mass=0.6"], {"controller.gains.k_s": 500}.
         urdf: another arm.
         parameters: of the controller: by dotted name, or a parameter file, e.g. of `slip-vic tune`.
 
@@ -50,7 +49,7 @@ def load(
 
     return load_scenario(
         str(name_or_file), law=law, mode=mode, seed=seed, sensor=str(sensor), drive=str(drive),
-        assignments=(set,) if isinstance(set, str) else set, urdf=urdf, parameters=parameters,
+        assignments=set, urdf=urdf, parameters=parameters,
     )  # fmt: skip
 
 

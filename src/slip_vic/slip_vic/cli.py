@@ -78,6 +78,7 @@ def run(
         if choice["mode"] == "realtime" or record is not None:
             given = "--record" if record is not None else "--mode realtime"
             raise InputError("--in-process", got=given, expected="lockstep without DDS: there is nothing to record")
+        loaded.check()
         with console.status(f"{loaded.name} {loaded.law}"):
             done = loaded.run()
         bad = [] if done.outcome == "ok" else [done.reason]

@@ -10,17 +10,18 @@ effort limiter is behind it.
 from __future__ import annotations
 
 import importlib
-from collections.abc import Sequence
 from typing import Any, ClassVar, Final
 
 import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.errors import InputError
+from slip_core.params import Assignments, parse_assignments
 from slip_vic.experiments.driven import driven
 from slip_vic.experiments.law import Pad, Seen, Setup
 from slip_vic.run.in_process import Tick
 from slip_vic.run.judge import LawError
+from slip_vic.run.metrics import ARRIVED
 from slip_vic.scenarios.scenario import load_scenario
 
 gymnasium: Any = importlib.import_module("gymnasium")  # it is optional, so that mypy need not find it
@@ -49,11 +50,15 @@ class _Hand:
 class Carry(gymnasium.Env):
     """Carries an object with one arm.
 
-    Action (7,), each from -1 to 1: acceleration of the pad that is added to the path's own, {w}; squeeze, from none to
-    the most. Observation (38,), SI units, {w} but for wrench and slip, {ee}: error of the pad's pose (6), of its twist
-    (6), twist and acceleration of the path (12), wrench (6), slip velocity (6), squeeze over the most, share of the
-    path's time. Reward of a step: minus its time times (100 slip speed + 10 error + squeeze over the most), with 0.03 m
-    for a radian (ours). Ends where the object is lost; truncated at the end of the scenario. info: slip [m], [rad].
+    {w} are the axes of the world, {ee} those of the pad: x out of the hand, z the closing direction. Action (7,), each
+    from -1 to 1: acceleration of the pad that is added to the path's own, {w}; squeeze, from none to the most.
+    Observation (38,), SI units, {w} but for wrench and slip, {ee}: error of the pad's pose (6), of its twist (6), twist
+    and acceleration of the path (12), wrench (6), slip velocity (6), squeeze over the most, share of the path's time.
+    Reward of a step: minus its time times (100 slip speed + 10 error + squeeze over the most), with 0.03 m for a radian
+    (ours). Ends where the object is lost; truncated at the end of the scenario. info: slip [m], [rad], and success: the
+    object is held, and the pad is within 1 mm and 0.5 degrees of the path's end.
+
+    A step takes about 9 ms of a core. `gymnasium.make_vec(..., vectorization_mode="async")` gives each a core.
 
     Args:
         scenario: with one arm; sensor: slip sensor; set: assignments, as in `slip_vic.load`.
@@ -64,12 +69,12 @@ class Carry(gymnasium.Env):
     metadata: ClassVar[dict[str, Any]] = {"render_modes": []}
 
     def __init__(
-        self, scenario: str = "paper_planar", sensor: str = "vision_60", set: Sequence[str] = (),
+        self, scenario: str = "paper_planar", sensor: str = "vision_60", set: Assignments = (),
         duration_s: float = 4.0, render_mode: None = None,
     ) -> None:  # fmt: skip
         self.render_mode = render_mode
         self._name, self._sensor = scenario, sensor
-        self._set = (*set, f"bridge.duration_s={duration_s}")
+        self._set = dict(parse_assignments(set)) | {"bridge.duration_s": duration_s}
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (7,), np.float32)
         self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (OBSERVED,), np.float32)
 
@@ -97,7 +102,7 @@ class Carry(gymnasium.Env):
             try:
                 tick = next(self._ticks, None)
             except LawError:  # an action without a finite effort
-                return self._observed(), reward, True, False, self._last
+                return self._observed(), reward, True, False, self._last | {"success": False}
             if tick is None:
                 break
             self._info(tick)
@@ -106,7 +111,7 @@ class Carry(gymnasium.Env):
                 + 10.0 * _size(hand.seen.way_to(hand.setup.reference(hand.seen.time))) + grip / most
             )  # fmt: skip
             if any(one.kind in ("lost", "fault") for one in tick.incidents):
-                return self._observed(), reward, True, False, self._last
+                return self._observed(), reward, True, False, self._last | {"success": False}
         return self._observed(), reward, False, tick is None, self._last
 
     def _observed(self) -> Array:
@@ -119,7 +124,12 @@ class Carry(gymnasium.Env):
 
     def _info(self, tick: Tick) -> dict[str, Any]:
         slip = np.array(tick.outputs.arms[0].readings.truth.slip_displacement)
-        self._last = {"slip_m": float(np.linalg.norm(slip[:3])), "slip_rad": float(np.linalg.norm(slip[3:]))}
+        left = self._hand.seen.way_to(self._hand.setup.reference(self._hand.setup.duration_s))
+        self._last = {
+            "slip_m": float(np.linalg.norm(slip[:3])),
+            "slip_rad": float(np.linalg.norm(slip[3:])),
+            "success": bool(np.linalg.norm(left[:3]) < ARRIVED[0] and np.linalg.norm(left[3:]) < ARRIVED[1]),
+        }
         return self._last
 
 

@@ -43,7 +43,7 @@ def test_a_worker_with_other_versions_is_named() -> None:
 def test_progress_without_a_terminal_is_lines() -> None:
     now = [0.0]
     written = io.StringIO()
-    with progress(Console(file=written, get_time=lambda: now[0]), lines=True) as add_bar:
+    with progress(Console(file=written, get_time=lambda: now[0])) as add_bar:
         report = add_bar("study", 100, 40)
         for done in range(41, 101):
             now[0] += 0.5

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import re
 import resource
+import socket
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -32,7 +34,7 @@ from slip_sim_bridge.plant.model import arm_spec
 from slip_vic.experiments.rows import read_json, read_rows
 from slip_vic.presets import preset_text
 from slip_vic.retime.path import read_points
-from slip_vic.run.domain import domain_id
+from slip_vic.run.domain import PORT, PORTS, domain_id, domains_in_use
 from slip_vic.scenarios.parameter_files import config_files, write_files
 from slip_vic.scenarios.scenario import Mismatch, load_scenario
 from slip_vic.setup.arm.write import Arm
@@ -320,7 +322,7 @@ def test_the_compiler_looks_at_the_folder_before_it_loads(monkeypatch: pytest.Mo
 
 def test_a_cache_that_cannot_be_written_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     (tmp_path / "file").touch()
-    (tmp_path / "locks" / "slip_vic" / "domains" / "5").mkdir(parents=True)
+    (tmp_path / "locks" / "slip_vic" / "domains" / "5.").mkdir(parents=True)
     (tmp_path / "__init__.py").touch()
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
     with pytest.raises(InputError, match=r"Not a directory, .*set XDG_CACHE_HOME"), domain_id():
@@ -332,10 +334,16 @@ def test_a_cache_that_cannot_be_written_is_named(monkeypatch: pytest.MonkeyPatch
         pass
 
 
-def test_a_domain_that_was_asked_for_is_locked_and_may_be_shared(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_domain_is_for_one_run_in_each_namespace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Domain 6 is skipped for the lock, 7 for a port of another program."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setattr("slip_vic.run.domain._turns", iter((4, 4, 4)))
-    with domain_id(5) as wanted, domain_id(5) as shared, domain_id() as free:
-        assert (wanted, shared, free) == (5, 5, 6)
+    monkeypatch.setattr("slip_vic.run.domain._turns", itertools.repeat(5))
+    with domain_id(6) as wanted, socket.socket(type=socket.SOCK_DGRAM) as other, domain_id(6, "/left") as shared:
+        other.bind(("127.0.0.1", PORT + 7 * PORTS + 11))
+        with domain_id() as free:
+            assert (wanted, shared, free) == (6, 6, 8)
+            assert set(domains_in_use()) == {6, 8}
+        again = pytest.raises(InputError, match=f"ROS domain 6: got a run, process {os.getpid()} on ")
+        with again, domain_id(6, "left"):
+            pass
+    assert domains_in_use() == []

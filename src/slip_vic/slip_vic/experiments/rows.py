@@ -8,10 +8,8 @@ from __future__ import annotations
 
 import contextlib
 import csv
-import fcntl
 import io
 import json
-import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Final
@@ -21,6 +19,7 @@ from slip_core.files.plain_yaml import parse_json
 from slip_core.files.resources import open_file, read_text
 from slip_vic.experiments.run import COLUMNS, Row
 from slip_vic.experiments.world import KEY, Key
+from slip_vic.run.lock import own_folder
 from slip_vic.run.versions import digest
 
 FILE: Final = "rows.csv"
@@ -40,7 +39,7 @@ def rows_added(path: Path, made_of: Mapping[str, str]) -> Iterator[tuple[set[Key
     Raises:
         InputError: the file cannot be written, is in use, or holds rows that are made of something else.
     """
-    with locked(path):
+    with own_folder(path.parent):
         before = read_json(path)[0] if path.with_suffix(".json").exists() else {}
         refuse_difference(before, made_of, f"rows in {path.parent}", "give another folder")
         together = {**before, **made_of}
@@ -119,30 +118,3 @@ def refuse_difference(one: Mapping[str, str], other: Mapping[str, str], where: s
     for name in one:
         if other.get(name, one[name]) != one[name]:
             raise InputError(where, got=f"{name} {one[name]}", expected=f"{other[name]}", fix=fix)
-
-
-@contextlib.contextmanager
-def locked(path: Path) -> Iterator[None]:
-    """Make the folder of a file, and hold the file's lock while the block runs; it ends with the process.
-
-    Raises:
-        InputError: another process holds it, or nothing can be written there.
-    """
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        lock = path.with_suffix(".lock").open("a+")
-    except OSError as error:
-        raise InputError(f"--out {path}", got=str(error), expected="a place for an experiment") from None
-    with lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            lock.seek(0)
-            raise InputError(
-                f"--out {path.parent}", got=f"a folder in use by {lock.read().strip() or 'another process'}",
-                expected="a folder of its own for each experiment that runs", fix="wait for it, or give another folder",
-            ) from None  # fmt: skip
-        lock.truncate(0)
-        lock.write(f"process {os.getpid()} on {os.uname().nodename}\n")
-        lock.flush()
-        yield

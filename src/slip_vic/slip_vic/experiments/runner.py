@@ -83,7 +83,7 @@ def fill(
     with rows_added(path, wanted) as (done, add):
         left = [world for world in worlds if world.key not in done]
         there = len(worlds) - len(left)
-        with progress(Console(stderr=True), lines=True) as add_bar:
+        with progress(Console(stderr=True)) as add_bar:
             report = add_bar(name, len(worlds), there)
             if left:
                 prepare()  # here, before workers that start together all begin to

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shlex
 import sys
 from pathlib import Path
@@ -55,10 +54,9 @@ def watch(namespace: str, domain_id: int | None, host: str, port: int) -> None:
     audience = Audience(host, port)
     click.echo(f"http://{host}:{audience.port}/  (Ctrl-C ends)")
     try:
-        os.environ["ROS_DOMAIN_ID"] = str(domain)
         here = "a run of slip-vic" if domain in runs else "joint_states and robot_description"
         click.echo(f"watching ROS domain {domain} for {here}", err=True)
-        with StopFlag() as stop, ros_node("slip_vic_watch", "/") as node:
+        with StopFlag() as stop, ros_node("slip_vic_watch", domain=domain) as node:
             run_watch(node, audience, namespace, stop)
     finally:
         audience.close()

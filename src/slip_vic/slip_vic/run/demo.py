@@ -15,14 +15,13 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Column, Table
 
-from slip_core.errors import InputError
 from slip_vic.options import Choice
 from slip_vic.page.page import write_page
 from slip_vic.run.data import RunData
 from slip_vic.run.judge import judge_bag
 from slip_vic.run.launcher import Launcher
+from slip_vic.run.lock import own_folder
 from slip_vic.run.metrics import summary_table
-from slip_vic.run.prepare import prepare
 from slip_vic.run.progress import progress
 from slip_vic.run.run import Run
 from slip_vic.run.versions import versions
@@ -53,13 +52,7 @@ def run_demo(
     for scenario in loaded.values():
         scenario.check()
     shown = loaded["vic"]
-    prepare()  # Ctrl-C ends it at once, and would leave the folder
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        kept = tempfile.TemporaryDirectory(prefix=".run.", dir=out)
-    except OSError as error:
-        raise InputError(f"output folder {out}", got=error, expected="a folder that can be written") from None
-    with kept as folder:
+    with own_folder(out), tempfile.TemporaryDirectory(prefix=".run.", dir=out) as folder:
         staging = Path(folder)
         done = _in_process(loaded, console) if in_process else _over_dds(loaded, staging, console, domain)
         runs, numbers = dict[str, RunData](), dict[str, Numbers]()

@@ -14,13 +14,11 @@ from slip_core.incidents import Incident
 from slip_msgs_py.environment import check_ros
 from slip_msgs_py.events import Event
 from slip_msgs_py.stop_flag import StopFlag
-from slip_vic.run.commands import node_command, recorder_command
-from slip_vic.run.domain import chosen_domain, domain_id
-from slip_vic.run.prepare import prepare
+from slip_vic.run.commands import node_command, recorded_topics, recorder_command
+from slip_vic.run.domain import check_alone, chosen_domain, domain_id
 from slip_vic.run.processes import ANYWHERE, Child, ProcessGroup, Scheduling, child_environment
 from slip_vic.scenarios.scenario import Scenario
 
-READY_TIMEOUT_S = 60.0
 POLL_S = 0.02
 TIMING = ("fresh", "overruns", "missed", "latency")
 
@@ -105,13 +103,15 @@ class Launcher:
             InputError: SIGINT, SIGTERM or SIGHUP came first; everything was closed in order.
         """
         self._on_progress = on_progress
-        prepare()  # children that compile would miss the deadline by which they have to be ready
         with (
             self._stop,
-            domain_id(self._wanted_domain) as domain,
+            domain_id(self._wanted_domain, self._namespace) as domain,
             tempfile.TemporaryDirectory(prefix="slip_vic_") as folder,
             ProcessGroup() as group,
         ):
+            if self._wanted_domain is not None:
+                topics = (name for name, _ in recorded_topics(self._scenario) if not name.startswith("/"))
+                check_alone(domain, (f"{self._namespace}/{name}" for name in topics))
             on_domain(domain)
             return self._supervise(group, domain, Path(folder))
 
@@ -136,10 +136,7 @@ class Launcher:
             command = node_command(name, getattr(ready, name), folder, *words)
             order.append((name, command, replace(self._scheduling, cores=own)))
         children = {name: group.start(name, argv, environment, self.note, how) for name, argv, how in order}
-        self._wait(
-            group, lambda: children["bridge"].last("started") is not None, READY_TIMEOUT_S, "the processes to get ready"
-        )
-        self._wait(group, lambda: children["bridge"].exit_code is not None, None, "")
+        self._wait(group, children["bridge"])
         group.stop([children["controller"]])
         if recording:
             group.stop([children["recorder"]])
@@ -157,9 +154,9 @@ class Launcher:
         elif event.kind == "incident":
             self._incidents.append(Incident(**event.values))
 
-    def _wait(self, group: ProcessGroup, done: Callable[[], bool], timeout_s: float | None, what: str) -> None:
-        deadline = None if timeout_s is None else time.monotonic() + timeout_s
-        while not done():
+    def _wait(self, group: ProcessGroup, bridge: Child) -> None:
+        """Wait for the end of the bridge, which does not wait for the other processes without end."""
+        while bridge.exit_code is None:
             time.sleep(POLL_S)
             if self._stop():
                 # Without a recorder no process needs what is still on its way.
@@ -169,9 +166,6 @@ class Launcher:
                 when = f"after {ended['sim_time_s']:.3f} s" if ended else "before the start"
                 raise InputError("interrupted", got=f"a signal {when}", expected="the run's full duration")
             group.check()
-            if deadline is not None and time.monotonic() > deadline:
-                states = "\n".join(f"  {child.name}:\n{child.tail()}" for child in group.children)
-                raise ProtocolError(f"waited {timeout_s:g} s for {what}; last lines:\n{states}")
 
     def _result(self, children: dict[str, Child]) -> RunResult:
         done = children["bridge"].results

@@ -2,22 +2,31 @@
 
 from __future__ import annotations
 
-import fcntl
+import contextlib
 import functools
 import importlib
 import os
 import subprocess
 import sys
+import threading
+import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
+from rich.console import Console
+
 from slip_core.errors import InputError
 from slip_msgs_py.stop_flag import end_with, ending_at_once
+from slip_vic.run.lock import locked
+from slip_vic.run.progress import Report, progress
 from slip_vic.run.versions import digest, versions
 
 MODULES: Final = ("slip_core.poses", "slip_vic_controller.session.session", "slip_sim_bridge.session")
 """These import all modules with compiled formulas."""
 LONGEST: Final = "slip_vic_controller.cycle.cycle"
+CYCLE_S: Final = 66.0
+"""How long that takes, on a core of 2.1 GHz; what is left of it is estimated from it [s]."""
 BESIDE: Final = ("slip_sim_bridge.session", "slip_vic_controller.session.arrival")
 """What a second process compiles while this one compiles the longest: 66 s instead of 86 on two cores."""
 
@@ -37,9 +46,10 @@ def prepare() -> None:
     cache = user_cache()
     make_folder(cache)
     note = cache / f"compiled-{digest([repr((sorted(versions().items()), _processor())).encode()])}"
+    if os.environ.get("NUMBA_DISABLE_JIT") == "1":
+        return
     with ending_at_once(InputError.exit_code, "error: interrupted"):  # no handler of Python runs inside the compiler
-        with note.with_suffix(".lock").open("w") as lock:
-            fcntl.flock(lock, fcntl.LOCK_EX)
+        with locked(note.with_suffix(".lock"), _waits):
             if not (note.exists() and Path(note.read_text(encoding="utf-8")).is_dir()):
                 note.write_text(_compile_in_two(), encoding="utf-8")
         _compile(MODULES)
@@ -55,10 +65,31 @@ def _compile_in_two() -> str:
     """Compile everything; return the folder in which the last module keeps its machine code."""
     program = f"from {__name__} import compile_beside; compile_beside({os.getpid()})"
     # A session of its own: Ctrl-C reaches this process alone.
-    with subprocess.Popen([sys.executable, "-c", program], stdin=subprocess.DEVNULL, start_new_session=True):
+    with subprocess.Popen([sys.executable, "-c", program], stdin=subprocess.DEVNULL, start_new_session=True), _shown():
         importlib.import_module(LONGEST)
     _compile(MODULES)  # whatever the other one has not
     return str(importlib.import_module("numba.core.config").CACHE_DIR)
+
+
+@contextlib.contextmanager
+def _shown() -> Iterator[None]:
+    """Show, while the block compiles the control cycle, how far it is by the time of a processor that it has had."""
+    done, begun_s = threading.Event(), time.process_time()
+
+    def watch(report: Report) -> None:
+        while not done.wait(1.0):
+            report(min(time.process_time() - begun_s, CYCLE_S))
+
+    with progress(Console(stderr=True), unit=" s of processor time") as add_bar:
+        thread = threading.Thread(target=watch, args=(add_bar(LONGEST.partition(".")[0], CYCLE_S),), daemon=True)
+        thread.start()
+        yield
+        done.set()
+        thread.join()
+
+
+def _waits(owner: str) -> None:
+    print(f"{owner} compiles the control cycle: waiting for it", file=sys.stderr, flush=True)
 
 
 def _compile(modules: tuple[str, ...]) -> None:

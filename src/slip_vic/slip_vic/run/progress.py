@@ -1,4 +1,4 @@
-"""How far something is: bars on a terminal; elsewhere nothing, or a line now and then."""
+"""How far something is: bars on a terminal; elsewhere a line now and then."""
 
 from __future__ import annotations
 
@@ -20,13 +20,14 @@ AddBar = Callable[..., Report]
 
 
 @contextlib.contextmanager
-def progress(console: Console, *, unit: str = "", lines: bool = False) -> Iterator[AddBar]:
+def progress(console: Console, *, unit: str = "") -> Iterator[AddBar]:
     """Show bars while the block runs, which is given the function that adds one.
+
+    Where the console is no terminal, it prints a line now and then, and one at the end.
 
     Args:
         console: where to.
         unit: behind the numbers.
-        lines: one now and then, and one at the end, instead of bars where the console is no terminal.
     """
     columns = (
         TextColumn("{task.description}"), BarColumn(), TextColumn(f"{{task.completed:g}}/{{task.total:g}}{unit}"),
@@ -40,9 +41,11 @@ def progress(console: Console, *, unit: str = "", lines: bool = False) -> Iterat
             def report(now: float, remark: str = "") -> None:
                 nonlocal said_s
                 bars.update(task, completed=round(now, 1), remark=remark)
-                if lines and not console.is_terminal and (now == total or bars.get_time() >= said_s + EVERY_S):
+                if not console.is_terminal and (now == total or bars.get_time() >= said_s + EVERY_S):
                     said_s = bars.get_time()
-                    console.print(", ".join(filter(None, (f"{name}: {now} of {total} done", remark))), highlight=False)
+                    console.print(
+                        ", ".join(filter(None, (f"{name}: {now:g} of {total:g}{unit} done", remark))), highlight=False
+                    )
 
             return report
 

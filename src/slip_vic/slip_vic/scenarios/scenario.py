@@ -18,6 +18,7 @@ from slip_core.files.urdf import on_base
 from slip_core.files.urdf_file import arm_urdf
 from slip_core.grasp_params import BaseParams, Three
 from slip_core.params import (
+    Assignments,
     ParameterModel,
     build,
     flat_names,
@@ -27,7 +28,7 @@ from slip_core.params import (
     nested_names,
     parameter,
     parameter_infos,
-    parse_assignment,
+    parse_assignments,
     parse_mapping,
     validate,
 )
@@ -202,10 +203,15 @@ class Scenario:
     def check(self) -> None:
         """Make controller and simulation once, so that what does not fit is said before any process starts.
 
+        Where the control cycle is not yet compiled for this machine, it is here.
+
         Raises:
             InputError: e.g. a URDF without the frame, joints missing or in another order, a path out of reach;
                 more contacts than arms.
         """
+        from slip_vic.run.prepare import prepare
+
+        prepare()
         from slip_sim_bridge.session import BridgeSession
         from slip_vic.scenarios.reach import check_start
         from slip_vic_controller.arm.robot import Robot
@@ -232,7 +238,7 @@ def load_scenario(
     law: Law = "vic",
     mode: Mode = "lockstep",
     seed: int = 0,
-    assignments: Iterable[str] = (),
+    assignments: Assignments = (),
     urdf: str | Path | None = None,
     sensor: str = "",
     drive: str = "",
@@ -240,11 +246,11 @@ def load_scenario(
 ) -> Scenario:
     """Read a scenario by name or path and apply ``--set`` assignments.
 
-    An assignment names a node's parameter (``controller.gains.k_s=500``, ``bridge.grip.force=0.6``) or,
-    without prefix, one that both nodes share (``object.mass=0.6``). Real time brings `BOUNDED`. A
-    `sensor` (name or file) gives both nodes what a slip sensor is, and the controller settings that suit it, `drive`
-    what the arm's drives and encoders are; `parameters` of the controller, by dotted name or in a file, come after
-    it, then assignments.
+    An assignment, a text or an item of a mapping, names a node's parameter (``controller.gains.k_s=500``,
+    ``bridge.grip.force=0.6``) or, without prefix, one that both nodes share (``object.mass=0.6``). Real time brings
+    `BOUNDED`. A `sensor` (name or file) gives both nodes what a slip sensor is, and the controller settings that suit
+    it, `drive` what the arm's drives and encoders are; `parameters` of the controller, by dotted name or in a file,
+    come after it, then assignments.
 
     Raises:
         InputError: unknown scenario, unknown parameter (nearest names offered), bad value, unreadable URDF.
@@ -274,8 +280,8 @@ def load_scenario(
     _apply_parameters(values, given, keep_sensor=bool(sensor))
     for own in values.values():
         _tell_friction(own, origin)
-    for assignment in assignments:
-        _assign(values, mismatch, *parse_assignment(assignment))
+    for key, value in parse_assignments(assignments):
+        _assign(values, mismatch, key, value)
     return _made(outer, text, law, values, build(Mismatch, mismatch, f"{origin}: mismatch"), origin)
 
 
