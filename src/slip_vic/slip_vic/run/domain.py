@@ -87,17 +87,16 @@ def check_alone(domain: int, topics: Iterable[str]) -> None:
 
     if choose_transport() and not has_nodes(domain):
         return
-    names, until = [*topics], time.monotonic() + LISTEN_S
+    names, until, heard = [*topics], time.monotonic() + LISTEN_S, ""
     with ros_node("slip_vic_listens", domain=domain) as node:
-        while time.monotonic() < until:
-            for name in names:
-                for other in node.get_publishers_info_by_topic(name):
-                    place = other.node_namespace.rstrip("/")
-                    raise InputError(
-                        f"ROS domain {domain}", got=f"node {place}/{other.node_name}, which publishes {name}",
-                        expected="no other publisher of it", fix="stop it, or give another --domain-id or --namespace",
-                    )  # fmt: skip
+        while time.monotonic() < until and (not heard or "UNKNOWN" in heard):  # a topic is heard before its node
+            found = ((name, info) for name in names for info in node.get_publishers_info_by_topic(name))
+            for name, other in itertools.islice(found, 1):
+                heard = f"node {other.node_namespace.rstrip('/')}/{other.node_name}, which publishes {name}"
             time.sleep(0.05)
+    if heard:
+        fix = "stop it, or give another --domain-id or --namespace"
+        raise InputError(f"ROS domain {domain}", got=heard, expected="no other publisher of it", fix=fix)
 
 
 def chosen_domain(option: int | None) -> int | None:
