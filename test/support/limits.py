@@ -9,7 +9,7 @@ import numpy as np
 
 from slip_vic.run.in_process import run_in_process
 from slip_vic.scenarios.scenario import Law, Scenario, load_scenario
-from slip_vic_controller.arm.robot import Robot
+from slip_vic_controller.robot import Robot
 from slip_vic_controller.safety.modes import Mode
 
 LONG_ENOUGH = "bridge.duration_s=2.5"

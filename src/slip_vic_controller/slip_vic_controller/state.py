@@ -26,10 +26,10 @@ from slip_vic_controller.path.path_scaling import PathScaling
 from slip_vic_controller.path.paths import Path
 from slip_vic_controller.path.stream import Stream
 from slip_vic_controller.safety.conditions import REASONS, Condition, ConditionsConfig, Health
-from slip_vic_controller.safety.drop_detection import DropDetectionConfig, ObservedMotion
 from slip_vic_controller.safety.hold import Hold, HoldConfig
 from slip_vic_controller.safety.latency import Latency
 from slip_vic_controller.safety.modes import ModeState
+from slip_vic_controller.safety.motion import DropDetectionConfig, ObservedMotion
 from slip_vic_controller.safety.validation import (
     JointInput,
     JointLimits,
@@ -239,6 +239,16 @@ class ArmCycle(NamedTuple):
     inputs: CycleInputs
     outputs: CycleOutputs
     lead: bool  # whether it is the first arm, whose path is that of the object
+
+
+class Arms(NamedTuple):
+    """All arms in a cycle; the first one has the path."""
+
+    configs: Records[ControllerConfig]
+    task: TaskState
+    states: Records[ArmState]
+    inputs: Records[CycleInputs]
+    outputs: Records[CycleOutputs]
 
 
 OUTPUTS = dtype_of(CycleOutputs)

@@ -28,7 +28,7 @@ from slip_vic.run.domain import domain_id
 from slip_vic.run.prepare import prepare
 from slip_vic.run.processes import Child, ProcessGroup, child_environment
 from slip_vic.scenarios.scenario import Scenario
-from slip_vic_controller.arm.robot import Robot
+from slip_vic_controller.robot import Robot
 from slip_vic_controller.safety.effort_limiter import LONGEST_STEP_S
 from test.campaigns.attacks.attacks import ATTACKS, TWO_SOURCES
 from test.campaigns.attacks.flood import FOREIGN

@@ -15,8 +15,8 @@ from slip_core.types import JointSample
 from slip_sim_bridge.session import ArmOutputs
 from slip_vic.run.in_process import ClosedLoop, run_in_process
 from slip_vic.scenarios.scenario import Scenario, load_scenario
-from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.law.arm import ARM
+from slip_vic_controller.robot import Robot
 from slip_vic_controller.session.cycle_result import CycleResult
 from slip_vic_controller.session.session import ControllerSession
 from slip_vic_controller.state import ARM_SIZE, TASK_SIZE

@@ -3,8 +3,8 @@
 import sys
 
 from slip_msgs_py.node_main import run_node
-from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.node.controller_node import SlipVicController
+from slip_vic_controller.robot import Robot
 
 FIRST, LAST = 200, 230
 

@@ -9,8 +9,8 @@ import pytest
 
 from slip_core.errors import InputError
 from slip_core.records import new, record
-from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.law.arm import ARM
+from slip_vic_controller.robot import Robot
 from slip_vic_controller.sizes import MAX_JOINTS
 from test.referees.law_referee import S
 from test.support.small_arm import HOME, JOINT_NAMES, small_arm_urdf

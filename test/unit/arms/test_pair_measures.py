@@ -10,7 +10,7 @@ import pytest
 from slip_sim_bridge.internal import internal_wrenches
 from slip_vic.page.runs import tip_of
 from slip_vic.scenarios.scenario import load_scenario
-from slip_vic_controller.arm.robot import Robot
+from slip_vic_controller.robot import Robot
 
 SHORT = ("left.bridge.duration_s=0.03", "right.bridge.duration_s=0.03")
 UPRIGHT = "pane_two_arms_upright"

@@ -14,8 +14,8 @@ from slip_description import urdf_text
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.plant.model import arm_spec, compile_spec
 from slip_sim_bridge.plant.rigid import build_model
-from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.law.arm import ARM as ARM_RECORD
+from slip_vic_controller.robot import Robot
 from test.referees.grasp_twin import GraspTwin
 
 PARITY = 1e-10  # required; rounding is 1e-14

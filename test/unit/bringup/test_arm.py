@@ -28,8 +28,8 @@ from slip_vic.setup.arm.hand import find_hand, fingers
 from slip_vic.setup.arm.posture import Start
 from slip_vic.setup.arm.write import ROTOR, Arm, failing, write_arm
 from slip_vic.setup.arm.write_urdf import PAD, possible_inertia
-from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.params.node_params import ControllerNodeParams
+from slip_vic_controller.robot import Robot
 from slip_vic_controller.safety.modes import Mode
 from slip_vic_controller.session.controller import Controller
 from test.support.odd_arm import JOINTS, odd_arm_urdf, with_joint, with_link

@@ -14,7 +14,7 @@ from slip_vic.cli import cli
 from slip_vic.presets.models import load_drive
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic.setup.identify import Motion, identify, read_motion
-from slip_vic_controller.arm.robot import Robot
+from slip_vic_controller.robot import Robot
 from test.support.run_maker import record_run
 from test.unit.bridge.scenes import scene
 

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from slip_vic_controller.config.observer import capacity
-from slip_vic_controller.contact.history import append
 from slip_vic_controller.contact.layouts import ROW, WITNESSES
-from slip_vic_controller.contact.observer import contradicted_since
+from slip_vic_controller.contact.observer import append, contradicted_since
 from test.support.call import call
 from test.unit.contact.ride import SENSOR
 from test.unit.contact.rig import MS, Bench, Observer, given, make_motion, make_params, six

@@ -11,8 +11,8 @@ from slip_core.files.urdf import NESTED, chain, moving, parse_urdf, usable_urdf
 from slip_core.records import new, record
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.plant.rigid import build_model
-from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.law.arm import ARM
+from slip_vic_controller.robot import Robot
 from test.support.odd_arm import JOINTS, odd_arm_urdf, with_joint, with_link
 
 ROUNDING = 1e-12

@@ -14,7 +14,7 @@ from slip_core.records import record
 from slip_vic.experiments.driven import driven
 from slip_vic.experiments.law import find_law
 from slip_vic.scenarios.scenario import Scenario
-from slip_vic_controller.arm.robot import Robot
+from slip_vic_controller.robot import Robot
 from slip_vic_controller.session.controller import ArmController
 from slip_vic_controller.state import CONFIG
 

@@ -10,8 +10,8 @@ import pytest
 from slip_core.errors import InputError
 from slip_msgs_py.messages.from_msgs import joint_trajectory
 from slip_vic.scenarios.scenario import load_scenario
-from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.path.joint_path import JointFeed, JointPath, Points, checked
+from slip_vic_controller.robot import Robot
 
 WAY = np.array([0.04, 0.03, 0.0])
 

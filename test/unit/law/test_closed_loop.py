@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from slip_core.params import build
-from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.law.attitude import Coordinates
 from slip_vic_controller.law.paper import V_s
 from slip_vic_controller.params.controller_params import TrajectoryParams
 from slip_vic_controller.path.paths import make_path
+from slip_vic_controller.robot import Robot
 from test.referees.law_referee import S, V_s_dot, exponential, referee_law, slip_acceleration, two
 from test.support.call import call
 from test.support.law_cases import Case, put_reference, random_case, reference_of

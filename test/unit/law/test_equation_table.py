@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[3]
 PACKAGE = ROOT / "src" / "slip_vic_controller" / "slip_vic_controller"
 SOURCES = [
     *(path for room in ("law", "path", "governor") for path in sorted((PACKAGE / room).glob("*.py"))),
-    PACKAGE / "arm" / "robot.py",
+    PACKAGE / "robot.py",
 ]
 LAW = {1, 7, 8, 10, 11, 12, 13, 14, 17, 18, 21, 23, 24, 28, 29, 30}
 """Equations of which the paper's law consists."""

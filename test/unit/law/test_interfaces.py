@@ -13,7 +13,7 @@ from slip_core.types import DisplacementSample, JointCommand, WrenchSample
 from slip_sim_bridge.sensors.slip import pose_of
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import Scenario, load_scenario
-from slip_vic_controller.contact.slip_displacement import SlipFromDisplacement
+from slip_vic_controller.interfaces import SlipFromDisplacement
 from slip_vic_controller.law.arm import ARM as ARM_LAYOUT
 from slip_vic_controller.state import INPUTS
 from test.support.one_arm import one_arm

@@ -7,8 +7,8 @@ import itertools
 import numpy as np
 import pytest
 
-from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.law.torque import given_axes, singularity_damping, smallest_singular_value
+from slip_vic_controller.robot import Robot
 from test.support.call import call
 from test.support.law_cases import Case, random_case
 from test.support.small_arm import HOME, JOINT_NAMES, small_arm_urdf

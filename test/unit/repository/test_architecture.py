@@ -42,7 +42,7 @@ ALLOWED = {
     "slip_vic_controller.contact": {"numpy", "slip_core"},
     "slip_vic_controller.governor": {"numpy", "scipy", "slip_core"},
     "slip_vic_controller.path": {"numpy", "scipy", "slip_core"},
-    "slip_vic_controller.arm.robot": {"numpy", "pinocchio", "slip_core"},
+    "slip_vic_controller.robot": {"numpy", "pinocchio", "slip_core"},
     "slip_vic_controller.safety": {"numpy", "slip_core"},
     "slip_vic_controller.session": {"numpy", "slip_core"},
     "slip_vic_controller.state": {"slip_core"},
@@ -74,14 +74,14 @@ OWN = {  # layers inside a package: what of the own package a part may import
     "slip_vic_controller.config": CYCLE
     | {
         f"slip_vic_controller.{part}"
-        for part in ("config", "state", "params.arm_params", "params.interface_params", "interfaces")
+        for part in ("config", "state", "params.arm_params", "params.interface_params", "interfaces", "robot")
     },
     "slip_vic_controller.cycle": CYCLE | {f"slip_vic_controller.{part}" for part in ("cycle", "interfaces", "state")},
     "slip_vic_controller.cycle.governing": {
         f"slip_vic_controller.{part}" for part in ("contact", "cycle.contact", "governor", "path", "law", "state")
     },
-    "slip_vic_controller.interfaces": {"slip_vic_controller.arm.robot", *SHARED},
-    "slip_vic_controller.path.joint_path": {"slip_vic_controller.law.arm", "slip_vic_controller.arm.robot"},
+    "slip_vic_controller.interfaces": {"slip_vic_controller.robot", "slip_vic_controller.law.rotation", *SHARED},
+    "slip_vic_controller.path.joint_path": {"slip_vic_controller.law.arm", "slip_vic_controller.robot"},
     "slip_vic_controller.law": {"slip_vic_controller.law", *SHARED},
     "slip_vic_controller.contact": {
         f"slip_vic_controller.{part}" for part in ("contact", "law.contact", "law.rotation", "sizes")
@@ -101,10 +101,10 @@ OWN = {  # layers inside a package: what of the own package a part may import
     }
     | SHARED,
     "slip_vic_controller.path": {
-        f"slip_vic_controller.{part}" for part in ("path", "law.arm", "law.rotation", "governor", "arm.robot")
+        f"slip_vic_controller.{part}" for part in ("path", "law.arm", "law.rotation", "governor", "robot")
     }
     | SHARED,
-    "slip_vic_controller.arm.robot": {"slip_vic_controller.law.arm", *SHARED},
+    "slip_vic_controller.robot": {"slip_vic_controller.law.arm", *SHARED},
     "slip_vic_controller.safety": {
         f"slip_vic_controller.{part}"
         for part in (
@@ -123,7 +123,7 @@ OWN = {  # layers inside a package: what of the own package a part may import
     }
     | SHARED,
     "slip_vic_controller.session": CYCLE
-    | {f"slip_vic_controller.{part}" for part in ("config", "cycle", "session", "state")},
+    | {f"slip_vic_controller.{part}" for part in ("config", "cycle", "interfaces", "robot", "session", "state")},
     "slip_vic_controller.state": CYCLE | {"slip_vic_controller.interfaces"},
     "slip_sim_bridge.drives": {"slip_sim_bridge.drives", "slip_sim_bridge.plant.joint_step"},
     "slip_sim_bridge.friction": {"slip_sim_bridge.friction"},

@@ -38,7 +38,7 @@ from slip_vic.run.domain import PORT, PORTS, domain_id, domains_in_use
 from slip_vic.scenarios.parameter_files import config_files, write_files
 from slip_vic.scenarios.scenario import Mismatch, load_scenario
 from slip_vic.setup.arm.write import Arm
-from slip_vic_controller.arm.robot import Robot
+from slip_vic_controller.robot import Robot
 
 SRC = Path(__file__).parents[3] / "src"
 ROOM = 32 << 20  # bytes of address space beyond what is there: a bomb needs more

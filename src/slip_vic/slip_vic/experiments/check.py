@@ -11,9 +11,9 @@ from slip_vic.experiments.world import NO_MISMATCH, World, mismatch_assignments
 from slip_vic.options import Choice
 from slip_vic.scenarios.reach import judge_inertia
 from slip_vic.scenarios.scenario import Scenario, load_scenario
-from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.law.bounds import GainReport
 from slip_vic_controller.law.gains import gain_report
+from slip_vic_controller.robot import Robot
 
 
 def judged(scenario: Scenario) -> GainReport:

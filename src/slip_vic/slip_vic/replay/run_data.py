@@ -27,7 +27,7 @@ from slip_msgs_py.messages.from_msgs import (
     slip_sample,
 )
 from slip_vic.run.data import parameters_of
-from slip_vic_controller.contact.slip_displacement import SlipFromDisplacement
+from slip_vic_controller.interfaces import SlipFromDisplacement
 from slip_vic_controller.params.node_params import ControllerNodeParams
 from slip_vic_controller.safety.modes import Mode
 

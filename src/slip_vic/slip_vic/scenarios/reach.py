@@ -12,12 +12,12 @@ from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.records import new, record
 from slip_sim_bridge.params import BridgeParams
-from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.law.bounds import Condition
 from slip_vic_controller.law.torque import given_axes
 from slip_vic_controller.params.controller_params import ControllerParams, SingularityParams, TrajectoryParams
 from slip_vic_controller.path.paths import make_path, sample_path
+from slip_vic_controller.robot import Robot
 
 SIGMA_MIN: Final = SingularityParams().sigma_min
 """Singular value of the Jacobian below which torques are damped, where nothing else is configured."""

@@ -214,7 +214,7 @@ class Scenario:
         prepare()
         from slip_sim_bridge.session import BridgeSession
         from slip_vic.scenarios.reach import check_start
-        from slip_vic_controller.arm.robot import Robot
+        from slip_vic_controller.robot import Robot
         from slip_vic_controller.session.controller import Controller
 
         for params in self.controllers.values():

@@ -14,8 +14,8 @@ from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.records import new, record
 from slip_vic.run.data import urdf_of
-from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.law.arm import ARM, Arm
+from slip_vic_controller.robot import Robot
 
 LEAST_SAMPLES = 200
 LEAST_SPEED = 0.01

@@ -28,8 +28,6 @@ from __future__ import annotations
 import math
 from typing import Final, NamedTuple
 
-import numpy as np
-
 from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_vic_controller.arm.joint_estimate import (
@@ -43,7 +41,6 @@ from slip_vic_controller.arm.joint_estimate import (
     find,
 )
 from slip_vic_controller.safety.conditions import Reason
-from slip_vic_controller.sizes import MAX_JOINTS
 
 FAST: Final = 20.0
 """Distance of the velocity from the measured one [rad/s] from which an estimate is none: the forces of the model grow
@@ -136,14 +133,6 @@ def remember_input(config: EstimatorConfig, state: JointEstimate, u: Array) -> N
 
 
 @part
-def go_on_with_input(config: EstimatorConfig, state: JointEstimate, periods: int) -> None:
-    """Let the last input last for the control periods since the last sample in which there was no new one."""
-    for _ in range(state.remembered, periods):
-        remember_input(config, state, state.inputs[state.newest])
-    state.remembered = 0
-
-
-@part
 def estimate_joints(
     config: EstimatorConfig, state: JointEstimate, stamp_ns: int, q: Array, qd: Array, measured: bool
 ) -> None:
@@ -163,7 +152,9 @@ def estimate_joints(
         start_estimate(config, state, stamp_ns, q, qd)
         return
     periods = max(1, round(dt / config.period))
-    go_on_with_input(config, state, periods)
+    for _ in range(state.remembered, periods):  # the last input lasts where there was no new one
+        remember_input(config, state, state.inputs[state.newest])
+    state.remembered = 0
     repeated = True
     for j in range(config.joints):
         repeated = repeated and joint_repeats(state, j, q, qd)
@@ -219,13 +210,6 @@ def estimate_joints(
     if far:
         start_estimate(config, state, stamp_ns, q, qd)
         state.d[:] = 0.0
-
-
-@part
-def stay_blind(config: EstimatorConfig, state: JointEstimate) -> None:
-    """Let the joints rest where the model has them: the drives hold them."""
-    state.v[:] = 0.0
-    remember_input(config, state, np.zeros(MAX_JOINTS))
 
 
 @part

@@ -15,7 +15,6 @@ from slip_core.stamps import seconds_to_ns
 from slip_vic_controller.arm.command import Interface
 from slip_vic_controller.arm.estimator import BLIND_S, MEAN_S
 from slip_vic_controller.arm.joint_estimate import ESTIMATOR_CONFIG
-from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.config.joints import DEVIATIONS, estimator_config
 from slip_vic_controller.config.observer import TUNING, observer_config, witnesses
 from slip_vic_controller.contact.friction_estimate import Friction
@@ -29,10 +28,11 @@ from slip_vic_controller.law.contact import fill_contacts
 from slip_vic_controller.law.gains import LAW_GAINS, UNKNOWN_LAG, gain_report
 from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.path.paths import PATH, make_path
+from slip_vic_controller.robot import Robot
 from slip_vic_controller.safety.conditions import Reason
-from slip_vic_controller.safety.drop_detection import FALLS_WITHIN_S
 from slip_vic_controller.safety.effort_limiter import LONGEST_STEP_S
 from slip_vic_controller.safety.hold import DELAY, LEAST_LOAD, HoldConfig
+from slip_vic_controller.safety.motion import FALLS_WITHIN_S
 from slip_vic_controller.safety.validation import ACCEPT_AFTER, CLOCK_JUMP_S, JUMP, SLACK
 from slip_vic_controller.sizes import ROOM
 from slip_vic_controller.state import CONFIG, ControllerConfig

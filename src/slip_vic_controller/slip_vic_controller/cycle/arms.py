@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from slip_core.compiled import part
-from slip_core.records import Records
 from slip_vic_controller.cycle.governing import screen
 from slip_vic_controller.cycle.judging import slows
 from slip_vic_controller.governor.plan import Governing
@@ -12,15 +11,22 @@ from slip_vic_controller.path.paths import relative
 from slip_vic_controller.safety.conditions import Reason, of_fault
 from slip_vic_controller.safety.modes import Request, follows, next_mode
 from slip_vic_controller.sizes import NEVER
-from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs, CycleOutputs, TaskState
+from slip_vic_controller.state import ArmCycle, Arms, ArmState, CycleOutputs
 
 
 @part
-def begin_together(task: TaskState, states: Records[ArmState], inputs: Records[CycleInputs]) -> bool:
+def one_of(arms: Arms, k: int) -> ArmCycle:
+    """Return an arm by its number."""
+    return ArmCycle(arms.configs[k], arms.task, arms.states[k], arms.inputs[k], arms.outputs[k], k == 0)
+
+
+@part
+def begin_together(arms: Arms) -> bool:
     """Let the law of all arms begin in the same cycle, on one path; return whether an arm is not answered in this one.
 
     An arm that begins without the others holds until they begin with it.
     """
+    task, states, inputs = arms.task, arms.states, arms.inputs
     alone, begins = False, task.begun == 0
     for k in range(len(states)):
         alone, begins = alone or inputs[k].present == 0, begins or states[k].law.known == 0
@@ -38,18 +44,12 @@ def at_work(state: ArmState, outputs: CycleOutputs) -> bool:
 
 
 @part
-def agree(
-    configs: Records[ControllerConfig],
-    task: TaskState,
-    states: Records[ArmState],
-    inputs: Records[CycleInputs],
-    outputs: Records[CycleOutputs],
-    alone: bool,
-) -> None:
+def agree(arms: Arms, alone: bool) -> None:
     """Let the law work for all arms or for none; take down how they hold the object where it begins for all.
 
     Arms that hold because another one does count again until they may resume, so that they resume together.
     """
+    configs, task, states, inputs, outputs = arms.configs, arms.task, arms.states, arms.inputs, arms.outputs
     n, begun, any_works, all_work = len(states), not alone, False, not alone
     for k in range(n):
         works, begun = at_work(states[k], outputs[k]), begun and states[k].law.known != 0
@@ -72,24 +72,21 @@ def agree(
 
 
 @part
-def common_path_speed(
-    configs: Records[ControllerConfig],
-    states: Records[ArmState],
-    inputs: Records[CycleInputs],
-    outputs: Records[CycleOutputs],
-) -> float:
+def common_path_speed(arms: Arms) -> float:
     """Return how fast the path may be run through for other reasons than friction: as the slowest arm can follow it."""
+    states = arms.states
     speed = states[0].observed.path_speed
     for k in range(len(states)):
         speed = min(speed, states[k].observed.path_speed)
-        if at_work(states[k], outputs[k]) and slows(configs[k], states[k], inputs[k].now_ns):
+        if at_work(states[k], arms.outputs[k]) and slows(arms.configs[k], states[k], arms.inputs[k].now_ns):
             speed = 0.0
     return float(speed)
 
 
 @part
-def advance_path(config: ControllerConfig, task: TaskState, state: ArmState, path_speed: float) -> None:
-    """Move on along the path, in the time of the first arm's joint states; state: of the first arm."""
+def advance_path(c: ArmCycle, path_speed: float) -> None:
+    """Move on along the path, in the time of the first arm's joint states; c: of the first arm."""
+    config, task, state = c.config, c.task, c.state
     dt_ns = max(state.joint.answers.stamp_ns - state.law.stamp_ns, 0)
     screen(config, task, True)
     governed = config.governor.mode != Governing.OFF

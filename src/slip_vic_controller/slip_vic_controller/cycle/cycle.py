@@ -26,7 +26,7 @@ from slip_core.arrays import Array
 from slip_core.compiled import IN1, INT, OUT1, VOID, kernel, part
 from slip_core.records import record, records
 from slip_vic_controller.contact.layouts import ROW_SIZE
-from slip_vic_controller.cycle.arms import advance_path, agree, at_work, begin_together, common_path_speed
+from slip_vic_controller.cycle.arms import advance_path, agree, at_work, begin_together, common_path_speed, one_of
 from slip_vic_controller.cycle.contact import agree_on_friction
 from slip_vic_controller.cycle.deciding import decide, put_time
 from slip_vic_controller.cycle.governing import put_governed, screen, step_on_path
@@ -48,6 +48,7 @@ from slip_vic_controller.state import (
     TASK_SIZE,
     TASK_STATE,
     ArmCycle,
+    Arms,
 )
 
 
@@ -82,38 +83,35 @@ def cycle(config_buffer: Array, state_buffer: Array, exchange: Array) -> int:
     task, states = record(state_buffer[:TASK_SIZE], TASK_STATE), records(state_buffer[TASK_SIZE:end], ARM_STATE)
     history = state_buffer[end:].reshape(-1, ROW_SIZE)
     rows = history.shape[0] // n
-    alone = begin_together(task, states, inputs)
-    together = all_at_rest(configs, states, inputs)
+    arms = Arms(configs, task, states, inputs, outputs)
+    alone, together = begin_together(arms), all_at_rest(arms)
     for k in range(n):
         if inputs[k].present != 0:
-            decide(ArmCycle(configs[k], task, states[k], inputs[k], outputs[k], k == 0), alone, together)
-    agree(configs, task, states, inputs, outputs, alone)
+            decide(one_of(arms, k), alone, together)
+    agree(arms, alone)
     for k in range(n):
-        c = ArmCycle(configs[k], task, states[k], inputs[k], outputs[k], k == 0)
         if outputs[k].decided != 0 and not follows(states[k].mode.mode):
-            hold(c)
+            hold(one_of(arms, k))
         elif at_work(states[k], outputs[k]) and not follows(outputs[k].before.mode):
-            leave_hold(c)
-    path_speed = common_path_speed(configs, states, inputs, outputs)
+            leave_hold(one_of(arms, k))
+    path_speed, first = common_path_speed(arms), one_of(arms, 0)
     if at_work(states[0], outputs[0]):
-        advance_path(configs[0], task, states[0], path_speed)
+        advance_path(first, path_speed)
     for k in range(n):
         if at_work(states[k], outputs[k]):
-            c = ArmCycle(configs[k], task, states[k], inputs[k], outputs[k], k == 0)
-            cause = sense(c, history[k * rows : (k + 1) * rows])
+            cause = sense(one_of(arms, k), history[k * rows : (k + 1) * rows])
             if cause != Reason.NONE:
-                fail(c, cause)
+                fail(one_of(arms, k), cause)
     if configs[0].governor.mode != Governing.OFF and at_work(states[0], outputs[0]):
         agree_on_friction(configs[0], task, states)
-        step_on_path(ArmCycle(configs[0], task, states[0], inputs[0], outputs[0], True), path_speed)
+        step_on_path(first, path_speed)
     answered, holds = 0, False
     for k in range(n):
-        c = ArmCycle(configs[k], task, states[k], inputs[k], outputs[k], k == 0)
         if at_work(states[k], outputs[k]):
-            follow(c)
+            follow(one_of(arms, k))
         if inputs[k].present != 0:
             states[k].queue.count = 0
-            end_cycle(c)
+            end_cycle(one_of(arms, k))
             holds = holds or not follows(states[k].mode.mode)
             answered |= outputs[k].answered << k
     if holds:

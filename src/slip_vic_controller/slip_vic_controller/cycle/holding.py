@@ -7,7 +7,7 @@ import numpy as np
 from slip_core.cholesky import all_finite
 from slip_core.compiled import part
 from slip_core.vectors import mat
-from slip_vic_controller.arm.estimator import BLIND_S, stay_blind, unseen_ns
+from slip_vic_controller.arm.estimator import BLIND_S, remember_input, unseen_ns
 from slip_vic_controller.contact.observer import reset
 from slip_vic_controller.cycle.contact import begin_pad
 from slip_vic_controller.cycle.governing import rest_on_path
@@ -18,10 +18,10 @@ from slip_vic_controller.governor.governor import discard_plan
 from slip_vic_controller.governor.plan import Governing
 from slip_vic_controller.law.contact import pad_rotation
 from slip_vic_controller.safety.conditions import Reason, Why, because
-from slip_vic_controller.safety.drop_detection import forget
 from slip_vic_controller.safety.hold import carry_load, hold_effort, keep_posture, update_load_error
 from slip_vic_controller.safety.latency import forget_latency
 from slip_vic_controller.safety.modes import Mode, Request, holds_for, next_mode
+from slip_vic_controller.safety.motion import forget
 from slip_vic_controller.safety.validation import frozen
 from slip_vic_controller.sizes import MAX_JOINTS, NEVER
 from slip_vic_controller.state import ArmCycle, ArmState, ControllerConfig, CycleInputs
@@ -29,9 +29,13 @@ from slip_vic_controller.state import ArmCycle, ArmState, ControllerConfig, Cycl
 
 @part
 def give_nothing(c: ArmCycle) -> None:
-    """Give no command: drives hold the arm by themselves, or let it move; HOLD begins again where it is then."""
+    """Give no command: drives hold the arm by themselves, or let it move; HOLD begins again where it is then.
+
+    The joints rest where the model has them.
+    """
     c.state.now_ns, c.state.hold.known = c.inputs.now_ns, 0
-    stay_blind(c.config.estimator, c.state.estimate)
+    c.state.estimate.v[:] = 0.0
+    remember_input(c.config.estimator, c.state.estimate, np.zeros(MAX_JOINTS))
 
 
 @part

@@ -28,9 +28,9 @@ from slip_vic_controller.safety.conditions import (
     see_one_of,
     since_when,
 )
-from slip_vic_controller.safety.drop_detection import doubt_of_fall
 from slip_vic_controller.safety.limit_avoidance import TRIP_SHARE, pushed_joint
 from slip_vic_controller.safety.modes import Mode, follows, holds_for
+from slip_vic_controller.safety.motion import doubt_of_fall
 from slip_vic_controller.safety.validation import frozen, usable
 from slip_vic_controller.sizes import NEVER
 from slip_vic_controller.state import ArmState, ControllerConfig, TaskState

@@ -18,8 +18,7 @@ from slip_vic_controller.law.law import evaluate, finite_pose, scale_acceleratio
 from slip_vic_controller.path.path_scaling import scaled
 from slip_vic_controller.path.paths import carried, put_reference, read_reference, reference_at
 from slip_vic_controller.safety.conditions import NOTHING, Reason, because, see
-from slip_vic_controller.safety.drop_detection import observe_motion
-from slip_vic_controller.safety.following import rests_far_off, what_keeps
+from slip_vic_controller.safety.motion import observe_motion, rests_far_off, what_keeps
 from slip_vic_controller.state import ArmCycle
 
 

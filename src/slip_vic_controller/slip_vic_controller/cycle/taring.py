@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 
 from slip_core.compiled import part
-from slip_core.records import Records
 from slip_core.vectors import ZERO, Spatial, Vec, mat, put_spatial, vec
 from slip_vic_controller.arm.tare import add, add_slip, measure_at_rest, start_tare, take_biases
 from slip_vic_controller.cycle.wrench import arm_of_load, tared_wrench
@@ -15,7 +14,7 @@ from slip_vic_controller.law.contact import pad_rotation
 from slip_vic_controller.safety.hold import object_load
 from slip_vic_controller.safety.modes import Mode, Request, follows
 from slip_vic_controller.sizes import NEVER
-from slip_vic_controller.state import ArmCycle, ArmState, ControllerConfig, CycleInputs
+from slip_vic_controller.state import ArmCycle, Arms
 
 
 class AtRest(NamedTuple):
@@ -31,8 +30,9 @@ class AtRest(NamedTuple):
 
 
 @part
-def all_at_rest(configs: Records[ControllerConfig], states: Records[ArmState], inputs: Records[CycleInputs]) -> AtRest:
+def all_at_rest(arms: Arms) -> AtRest:
     """Return what the wrenches of all arms show together at rest."""
+    configs, states = arms.configs, arms.states
     n, held, wanted, beyond = len(configs), configs[0].tare.duration_ns > 0, False, ZERO
     for k in range(n):
         held = held and states[k].mode.mode == Mode.HOLD and states[k].wrench_inputs[0].seen != 0
@@ -40,7 +40,7 @@ def all_at_rest(configs: Records[ControllerConfig], states: Records[ArmState], i
     if n == 1 or not held or not wanted:
         return AtRest(n, n == 1, ZERO)
     for k in range(n):
-        R = mat(inputs[k].arm.rotation)
+        R = mat(arms.inputs[k].arm.rotation)
         beyond = beyond + (R @ tared_wrench(configs[k], states[k], R).linear - vec(configs[k].hold.weight))
     return AtRest(n, True, (1.0 / n) * beyond)
 

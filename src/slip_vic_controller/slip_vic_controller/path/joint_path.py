@@ -13,8 +13,8 @@ from slip_core.errors import InputError
 from slip_core.matrices import product
 from slip_core.records import new, record
 from slip_core.types import CartesianReference
-from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.law.arm import ARM
+from slip_vic_controller.robot import Robot
 
 POSE_COLUMNS = ("x", "y", "z", "qx", "qy", "qz", "qw")
 LEAST_POINTS = 2

@@ -16,8 +16,8 @@ from slip_vic_controller.arm.joint_estimate import JointRecord
 from slip_vic_controller.config.controller import renew_config, use_noise
 from slip_vic_controller.config.joints import with_measured_noise
 from slip_vic_controller.contact.layouts import ROW_SIZE
-from slip_vic_controller.contact.slip_displacement import SlipFromDisplacement
 from slip_vic_controller.cycle.cycle import cycle
+from slip_vic_controller.interfaces import SlipFromDisplacement
 from slip_vic_controller.law.gains import LAW_GAINS, RAMP, make_ramp, sample_gains
 from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.safety.conditions import SAMPLE_FAULTS, Missing, Reason, describe

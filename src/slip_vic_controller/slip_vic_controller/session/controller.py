@@ -11,12 +11,12 @@ from slip_core.arms import shared
 from slip_core.arrays import Array
 from slip_core.records import Records, place, record, records
 from slip_core.types import JointCommand
-from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.config.controller import make_config
 from slip_vic_controller.config.observer import capacity
 from slip_vic_controller.contact.layouts import ROW_SIZE
 from slip_vic_controller.law.gains import RAMP, gain_report, make_ramp
 from slip_vic_controller.params.controller_params import ControllerParams
+from slip_vic_controller.robot import Robot
 from slip_vic_controller.safety.conditions import Missing, Reason, forget_conditions
 from slip_vic_controller.sizes import NEVER
 from slip_vic_controller.state import ARM_SIZE, ARM_STATE, CONFIG, OUTPUTS, TASK_SIZE, TASK_STATE, ArmState

@@ -8,7 +8,7 @@ import numpy as np
 
 from slip_core.arrays import Array
 from slip_vic.scenarios.reach import Way, follow, posture_for
-from slip_vic_controller.arm.robot import Robot
+from slip_vic_controller.robot import Robot
 
 SAMPLES = 1500
 _COARSE = 6

@@ -26,9 +26,9 @@ from slip_vic.setup.arm.driver import Driver, driver_files
 from slip_vic.setup.arm.hand import Hand, find_hand
 from slip_vic.setup.arm.posture import Start, best_start, postures
 from slip_vic.setup.arm.write_urdf import PAD, Limits, arm_urdf
-from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.params.node_params import ControllerNodeParams
+from slip_vic_controller.robot import Robot
 
 URDF_NAME = "arm.urdf"
 DIGESTS = "slip_vic_arm.sha256"

@@ -17,9 +17,9 @@ from slip_core.records import new, record
 from slip_core.vectors import mat
 from slip_vic.setup.bringup.hands import Hands
 from slip_vic.setup.bringup.heard import Heard, Status, Track, joined
-from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.interfaces import WRENCH_SENSOR, fill_wrench_sensor, wrench_at_pad
 from slip_vic_controller.law.arm import ARM
+from slip_vic_controller.robot import Robot
 
 if TYPE_CHECKING:
     from slip_vic.setup.bringup.ros_system import RosSystem
