@@ -15,12 +15,6 @@ from slip_vic_controller.state import ArmCycle, Arms, ArmState, CycleOutputs
 
 
 @part
-def one_of(arms: Arms, k: int) -> ArmCycle:
-    """Return an arm by its number."""
-    return ArmCycle(arms.configs[k], arms.task, arms.states[k], arms.inputs[k], arms.outputs[k], k == 0)
-
-
-@part
 def begin_together(arms: Arms) -> bool:
     """Let the law of all arms begin in the same cycle, on one path; return whether an arm is not answered in this one.
 

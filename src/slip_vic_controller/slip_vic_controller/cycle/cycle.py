@@ -26,7 +26,7 @@ from slip_core.arrays import Array
 from slip_core.compiled import IN1, INT, OUT1, VOID, kernel, part
 from slip_core.records import record, records
 from slip_vic_controller.contact.layouts import ROW_SIZE
-from slip_vic_controller.cycle.arms import advance_path, agree, at_work, begin_together, common_path_speed, one_of
+from slip_vic_controller.cycle.arms import advance_path, agree, at_work, begin_together, common_path_speed
 from slip_vic_controller.cycle.contact import agree_on_friction
 from slip_vic_controller.cycle.deciding import decide, put_time
 from slip_vic_controller.cycle.governing import put_governed, screen, step_on_path
@@ -84,34 +84,38 @@ def cycle(config_buffer: Array, state_buffer: Array, exchange: Array) -> int:
     history = state_buffer[end:].reshape(-1, ROW_SIZE)
     rows = history.shape[0] // n
     arms = Arms(configs, task, states, inputs, outputs)
+    first = ArmCycle(configs[0], task, states[0], inputs[0], outputs[0], True)
     alone, together = begin_together(arms), all_at_rest(arms)
     for k in range(n):
         if inputs[k].present != 0:
-            decide(one_of(arms, k), alone, together)
+            decide(ArmCycle(configs[k], task, states[k], inputs[k], outputs[k], k == 0), alone, together)
     agree(arms, alone)
     for k in range(n):
+        c = ArmCycle(configs[k], task, states[k], inputs[k], outputs[k], k == 0)
         if outputs[k].decided != 0 and not follows(states[k].mode.mode):
-            hold(one_of(arms, k))
+            hold(c)
         elif at_work(states[k], outputs[k]) and not follows(outputs[k].before.mode):
-            leave_hold(one_of(arms, k))
-    path_speed, first = common_path_speed(arms), one_of(arms, 0)
+            leave_hold(c)
+    path_speed = common_path_speed(arms)
     if at_work(states[0], outputs[0]):
         advance_path(first, path_speed)
     for k in range(n):
         if at_work(states[k], outputs[k]):
-            cause = sense(one_of(arms, k), history[k * rows : (k + 1) * rows])
+            c = ArmCycle(configs[k], task, states[k], inputs[k], outputs[k], k == 0)
+            cause = sense(c, history[k * rows : (k + 1) * rows])
             if cause != Reason.NONE:
-                fail(one_of(arms, k), cause)
+                fail(c, cause)
     if configs[0].governor.mode != Governing.OFF and at_work(states[0], outputs[0]):
         agree_on_friction(configs[0], task, states)
         step_on_path(first, path_speed)
     answered, holds = 0, False
     for k in range(n):
+        c = ArmCycle(configs[k], task, states[k], inputs[k], outputs[k], k == 0)
         if at_work(states[k], outputs[k]):
-            follow(one_of(arms, k))
+            follow(c)
         if inputs[k].present != 0:
             states[k].queue.count = 0
-            end_cycle(one_of(arms, k))
+            end_cycle(c)
             holds = holds or not follows(states[k].mode.mode)
             answered |= outputs[k].answered << k
     if holds:
