@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import textwrap
 
 import pytest
 import yaml
@@ -28,7 +29,7 @@ QOS = """\
     sec: 9223372036
     nsec: 854775807
   avoid_ros_namespace_conventions: false"""
-METADATA = """\
+METADATA = f"""\
 rosbag2_bagfile_information:
   version: 9
   storage_identifier: mcap
@@ -51,21 +52,7 @@ rosbag2_bagfile_information:
         type: std_msgs/msg/String
         serialization_format: cdr
         offered_qos_profiles:
-          - history: unknown
-            depth: 0
-            reliability: reliable
-            durability: transient_local
-            deadline:
-              sec: 9223372036
-              nsec: 854775807
-            lifespan:
-              sec: 9223372036
-              nsec: 854775807
-            liveliness: automatic
-            liveliness_lease_duration:
-              sec: 9223372036
-              nsec: 854775807
-            avoid_ros_namespace_conventions: false
+{textwrap.indent(QOS, 10 * " ")}
         type_description_hash: RIHS01_00ff
       message_count: 3
   compression_format: ""
