@@ -34,7 +34,7 @@ def slip_vic(*arguments: object) -> subprocess.CompletedProcess[str]:
 def test_demo_refuses_a_folder_it_cannot_write() -> None:
     done = slip_vic("demo", "--out", "/proc/out")
     assert done.returncode == 2
-    assert done.stderr.startswith("error: output folder /proc/out")
+    assert done.stderr.startswith("error: --out /proc/out")
     assert len(done.stderr.splitlines()) == 1
 
 

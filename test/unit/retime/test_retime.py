@@ -135,6 +135,7 @@ def turned(source: Path, loaded: Scenario, seconds: float) -> Array:
 def test_a_joint_that_would_be_too_fast_is_named_with_its_share(tmp_path: Path) -> None:
     loaded = scenario("paper_planar")
     turned(tmp_path / "path.csv", loaded, 0.4)
+    assert "a folder that can be written" in refused(tmp_path / "path.csv", "-o", "/proc/out")
     done = retime(tmp_path / "path.csv", tmp_path / "out", "--set", "controller.governor.friction_limit=100.0")
     assert done.exit_code == 0, done.exception
     data = json.loads((tmp_path / "out" / "certificate.json").read_text())

@@ -204,10 +204,11 @@ def compare(folders: tuple[Path, ...], out: Path) -> None:
     """Compare results in the worlds that all of them have: table, rows.png."""
     from slip_vic.experiments.runner import show
     from slip_vic.experiments.suite import compared
+    from slip_vic.run.lock import own_folder
 
     rows = compared(folders)
-    out.mkdir(parents=True, exist_ok=True)
-    show(rows, out)
+    with own_folder(out):
+        show(rows, out)
 
 
 @benchmark.command()

@@ -10,10 +10,11 @@ from typing import Any
 from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_vic.options import Choice
-from slip_vic.retime import output
 from slip_vic.retime.certificate import arm_shares, certified, load_shares, motion_of
+from slip_vic.retime.output import csv_text, goal_text
 from slip_vic.retime.path import PadPath, deviation, read_points, sections
 from slip_vic.retime.timing import Sample
+from slip_vic.scenarios.parameter_files import write_files
 from slip_vic.scenarios.scenario import Scenario, load_scenario
 from slip_vic_controller.path.joint_path import JointPath
 from slip_vic_controller.session.controller import ArmController
@@ -28,7 +29,7 @@ def run_retime(source: Path, choice: Choice, out: Path) -> Iterator[str]:
         out: folder.
 
     Raises:
-        InputError: a path that is none, or that friction cannot carry.
+        InputError: a path that is none, or that friction cannot carry; a folder that cannot be written.
     """
     loaded = load_scenario(**choice)
     given = read_points(source, loaded.controller.joint_names)
@@ -54,13 +55,12 @@ def run_retime(source: Path, choice: Choice, out: Path) -> Iterator[str]:
         "samples": len(samples),
     }
     shares: dict[str, Array] = {}
-    out.mkdir(parents=True, exist_ok=True)
-    output.write_csv(out / "trajectory.csv", given.names, motion)
+    files = {"trajectory.csv": csv_text(given.names, motion)}
     if not given.of_pad:
-        output.write_goal(out / "follow_joint_trajectory.yaml", given.names, motion)
+        files["follow_joint_trajectory.yaml"] = goal_text(given.names, motion)
         shares = arm_shares(controller, motion)
         data |= {f"peak_{what}_share": float(share.max()) for what, share in shares.items()}
-    (out / "certificate.json").write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
+    write_files(out, files | {"certificate.json": json.dumps(data, indent=2) + "\n"})
     as_given = f"; the path as given takes {given.times[-1]:.3f} s" if timed else ""
     yield f"arrival {motion.times[-1]:.3f} s{as_given}"
     unit, scale = ("mm", 1e3) if given.of_pad else ("rad", 1.0)

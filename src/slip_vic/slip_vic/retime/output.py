@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 import yaml
@@ -18,8 +16,8 @@ GOAL_PERIOD_S = 0.02
 """Points of the goal for an action server: it interpolates between them."""
 
 
-def write_csv(path: Path, names: tuple[str, ...], motion: Motion) -> None:
-    """Write a row per control period: time [s], coordinates, velocities and accelerations.
+def csv_text(names: tuple[str, ...], motion: Motion) -> str:
+    """Return a row per control period: time [s], coordinates, velocities and accelerations.
 
     Of the pad: pose, twist and acceleration {w}.
     """
@@ -34,11 +32,11 @@ def write_csv(path: Path, names: tuple[str, ...], motion: Motion) -> None:
         kinds = {"": motion.position, "_velocity": motion.velocity, "_acceleration": motion.acceleration}
         for suffix, rows in kinds.items():
             columns |= {f"{name}{suffix}": rows[:, k] for k, name in enumerate(names)}
-    pd.DataFrame(columns).to_csv(path, index=False, float_format="%.9g")
+    return pd.DataFrame(columns).to_csv(index=False, float_format="%.9g")
 
 
-def write_goal(path: Path, names: tuple[str, ...], motion: Motion) -> None:
-    """Write a goal of control_msgs/action/FollowJointTrajectory as YAML, first and last sample included."""
+def goal_text(names: tuple[str, ...], motion: Motion) -> str:
+    """Return a goal of control_msgs/action/FollowJointTrajectory as YAML, first and last sample included."""
     step = max(1, round(GOAL_PERIOD_S / float(motion.times[1] - motion.times[0])))
     points = []
     for i in sorted({*range(0, len(motion.times), step), len(motion.times) - 1}):
@@ -50,4 +48,4 @@ def write_goal(path: Path, names: tuple[str, ...], motion: Motion) -> None:
         })  # fmt: skip
     header = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
     goal = {"trajectory": {"header": header, "joint_names": list(names), "points": points}}
-    path.write_text(yaml.safe_dump(goal, default_flow_style=None, sort_keys=False), encoding="utf-8")
+    return yaml.safe_dump(goal, default_flow_style=None, sort_keys=False)
