@@ -1,23 +1,25 @@
-"""The C header: a struct per record with its units, an enum per vocabulary, and the functions."""
+"""The C headers: a struct per record with its units, an enum per vocabulary, the functions; and the words of both."""
 
 from __future__ import annotations
 
 import inspect
+import json
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from enum import IntEnum
 from typing import Any, get_args, get_origin, get_type_hints
 
 from slip_core.records import WHOLE, Record, Records, dtype_of
 from slip_native.functions import FUNCTIONS
 from slip_vic_controller.contact.layouts import Row
-from slip_vic_controller.law.symbols import Symbols
-from slip_vic_controller.safety.conditions import Missing, Reason
+from slip_vic_controller.law.symbols import SYMBOLS, Symbols
+from slip_vic_controller.path.goals import GoalPhase, Refusal
+from slip_vic_controller.safety.conditions import MISSING, MOUNTED, REASONS, SENSORS, Missing, Prefix, Reason
 from slip_vic_controller.safety.modes import Mode, Request
-from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs, CycleOutputs, TaskState
+from slip_vic_controller.state import GOVERNED, ArmState, ControllerConfig, CycleInputs, CycleOutputs, TaskState
 
 RECORDS = (ControllerConfig, TaskState, ArmState, Row, CycleInputs, CycleOutputs, Symbols)
-ENUMS: tuple[type[IntEnum], ...] = (Mode, Request, Missing, Reason)
+ENUMS: tuple[type[IntEnum], ...] = (Mode, Request, Missing, Prefix, Reason, GoalPhase, Refusal)
 C_TYPES = {"In": "const void *", "Out": "void *", "int": "int64_t ", "None": "void "}
 """Of annotations; pointers without a type, because a buffer holds one record or several."""
 
@@ -61,6 +63,30 @@ def header() -> str:
     parts += [_struct(declared) for declared in known]
     parts += [_prototype(function) for function in FUNCTIONS]
     return "\n".join([*parts, BOTTOM])
+
+
+def words() -> str:
+    """Return the text of slip_vic_words.h: why the controller does what it does, and the names of its numbers."""
+    reasons = {reason.value: reason for reason in Reason}
+    rows = [reasons.get(number, Reason.NONE) for number in range(REASONS)]
+    lists = {
+        "reason_words": [row.words for row in rows],
+        "reason_names": [row.name for row in rows],
+        "mode_names": [mode.name for mode in Mode],
+        "missing_words": MISSING,
+        "mounted_words": MOUNTED,
+        "sensor_words": SENSORS,
+        "symbol_names": SYMBOLS.names or (),
+        "governed_names": GOVERNED.names or (),
+    }
+    sizes = [kind.itemsize // 8 for kind, *_ in (SYMBOLS.fields or {}).values()]
+    of_symbols = f"static const int slip_vic_symbol_sizes[] = {{{', '.join(map(str, sizes))}}};"
+    top = "/* Words of slip_vic.h's numbers, by number. Made by `slip-vic export`; do not edit. */\n#pragma once\n"
+    return "\n".join([top, *(_words(f"slip_vic_{name}", texts) for name, texts in lists.items()), of_symbols, ""])
+
+
+def _words(name: str, texts: Sequence[str]) -> str:
+    return "\n".join([f"static const char *const {name}[] = {{", *(f"    {json.dumps(text)}," for text in texts), "};"])
 
 
 def _collect(declared: type[Record], known: dict[type[Record], None]) -> None:

@@ -23,7 +23,7 @@ from slip_native.functions import FUNCTIONS
 
 BASELINES: Final = {"x86_64": "x86-64-v2"}
 """Oldest processor for which a library is made, by architecture; of others this machine's own."""
-SOURCES = resources.files("slip_native") / "c"
+SOURCES = resources.files("slip_native")
 _TYPES = {"In": types.CPointer(types.float64), "Out": types.CPointer(types.float64), "int": INT, "None": VOID}
 
 
@@ -46,7 +46,7 @@ def build(folder: Path, cpu: str = "") -> None:
     with tempfile.TemporaryDirectory(prefix="slip_vic_export_") as temporary:
         code, whole = Path(temporary) / "cycle.o", Path(temporary) / "slip_vic.o"
         code.write_bytes(object_code(cpu))
-        with resources.as_file(SOURCES / "runtime.c") as runtime:
+        with resources.as_file(SOURCES / "c" / "runtime.c") as runtime:
             _call(
                 compiler,
                 "-std=c11",
@@ -77,6 +77,13 @@ def build(folder: Path, cpu: str = "") -> None:
             "-Wl,--no-undefined",
             "-Wl,-soname,libslip_vic.so",
         )
+
+
+def sources() -> dict[str, str]:
+    """Return what is compiled beside the library, by its path in the folder: the example, and the node."""
+    found = {name: SOURCES / "c" / name for name in ("example.c", "CMakeLists.txt")}
+    found |= {f"node/{file.name}": file for file in (SOURCES / "node").iterdir()}
+    return {name: file.read_text(encoding="utf-8") for name, file in found.items()}
 
 
 def _call(*command: str | Path) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sysconfig
+from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,17 +21,17 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@choosing("scenario", "law", "seed", "sensor", "drive", "parameters", "assignments", "urdf")
+@choosing("scenario", "law", "mode", "seed", "sensor", "drive", "parameters", "assignments", "urdf")
 @click.option("--cpu", default="", help="oldest processor that runs it, or native; default x86-64-v2, else native")
 @out_option("slip_vic_native", "folder")
 def export(*, choice: Choice, cpu: str, out: Path) -> None:
     """Write the control cycle as a C library: libslip_vic.so and .a, slip_vic.h, an example, and a scenario's numbers.
 
     controller.bin and state.bin are configuration and first state; run.bin is a run of the scenario that example.c
-    answers again, bit by bit. Takes about a minute.
+    answers again, bit by bit. node/ is a controller node of one arm in C++, on the same files. Takes about a minute.
     """
     from slip_native import library
-    from slip_native.header import header
+    from slip_native.header import header, words
     from slip_vic.scenarios.parameter_files import check_writable, write_files
     from slip_vic.scenarios.scenario import load_scenario
 
@@ -40,11 +42,28 @@ def export(*, choice: Choice, cpu: str, out: Path) -> None:
     check_writable(out / "slip_vic.h")
     click.echo("compiling the cycle for C, about a minute", err=True)
     library.build(out, cpu)
-    sources = {name: (library.SOURCES / name).read_text(encoding="utf-8") for name in ("example.c", "CMakeLists.txt")}
-    write_files(out, {"slip_vic.h": header(), **sources})
+    write_files(out, {"slip_vic.h": header(), "slip_vic_words.h": words(), **library.sources(), **_of_node(loaded)})
     write_run(loaded, out)
-    click.echo(f"{out}: libslip_vic.so, libslip_vic.a, slip_vic.h, controller.bin, state.bin, run.bin, example.c")
-    click.echo(f"next: cmake -S {out} -B {out}/build && cmake --build {out}/build && {out}/build/example {out}/run.bin")
+    site = Path(sysconfig.get_path("purelib"))
+    prefixes = f"{sysconfig.get_path('data')};{site / 'cmeel.prefix'}"
+    click.echo(f"{out}: libslip_vic.so, libslip_vic.a, slip_vic.h, controller.bin, state.bin, run.bin, example.c, node")
+    click.echo(
+        f"next: cmake -S {out} -B {out}/build -DCMAKE_PREFIX_PATH='{prefixes}' && cmake --build {out}/build "
+        f"&& {out}/build/example {out}/run.bin && {out}/build/slip_vic_node {out}"
+    )
+
+
+def _of_node(scenario: Scenario) -> dict[str, str]:
+    """Return what the node reads beside controller.bin and state.bin: parameters, arm, and the profile of DDS."""
+    from slip_core.files.urdf import usable_urdf
+    from slip_vic.scenarios.scenario import NODES, ros_parameter_file
+
+    (params, urdf), *_ = zip(scenario.controllers.values(), scenario.placed.values(), strict=True)
+    return {
+        "controller.yaml": ros_parameter_file(params, NODES["controller"][0]),
+        "arm.urdf": usable_urdf(urdf, params.ee_frame, params.joint_names),
+        "localhost.xml": resources.files("slip_msgs_py").joinpath("localhost.xml").read_text(encoding="utf-8"),
+    }
 
 
 def write_run(scenario: Scenario, folder: Path) -> None:
@@ -54,6 +73,7 @@ def write_run(scenario: Scenario, folder: Path) -> None:
     state. A tick: whether CONFIG follows, samples, a joint state of each arm, INPUTS of all arms and OUTPUTS of all.
     """
     from slip_vic.run.in_process import ClosedLoop, run_in_process
+    from slip_vic_controller.session.controller import Controller
 
     loop = ClosedLoop(scenario)
     config, first, given, ticks = loop.session.config, loop.session.buffer.copy(), None, []
@@ -61,9 +81,9 @@ def write_run(scenario: Scenario, folder: Path) -> None:
         changed = [] if config is given else [config]
         ticks.append(np.concatenate([_whole(len(changed)), *changed, *_tick(loop, tick)]))
         given, config = config, loop.session.config  # a tare has changed it for the next tick
-    controller = loop.session.controller
-    head = _whole(len(loop.session.arms), controller.rows, len(ticks), len(first))
-    controller.config.tofile(folder / "controller.bin")
+    head = _whole(len(loop.session.arms), loop.session.controller.rows, len(ticks), len(first))
+    lockstep = next(iter(scenario.controllers.values())).mode == "lockstep"
+    Controller(scenario.controllers, scenario.placed, lockstep=lockstep).config.tofile(folder / "controller.bin")
     first.tofile(folder / "state.bin")
     np.concatenate([head, first, *ticks, loop.session.buffer]).tofile(folder / "run.bin")
 

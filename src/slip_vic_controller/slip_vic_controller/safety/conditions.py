@@ -199,15 +199,15 @@ class Prefix(IntEnum):
     AFTER_RESET = 4
 
 
-_MISSING = (
+MISSING = (
     *("activation", "a good joint state", "joint_states"),
     *(f"{name} of contact {k}" for name in ("wrench", "slip") for k in range(MAX_CONTACTS)),
 )
-_SENSORS = (
+SENSORS = (
     *("the slip sensor [m/s]", "the slip sensor [rad/s]", "the wrench sensor [N]", "the wrench sensor [N m]"),
     "the joint velocity [rad/s]",
 )
-_MOUNTED = tuple(health.name.lower().replace("_", " ") for health in SensorHealth)
+MOUNTED = tuple(health.name.lower().replace("_", " ") for health in SensorHealth)
 
 
 class WhyRecord(Record):
@@ -357,9 +357,9 @@ def describe(why: Why | WhyRecord | Any, joint_names: Sequence[str]) -> str:
         which=why.which,
         joint=_name(why.which, joint_names),
         fault=Reason(why.fault).words,
-        missing=", ".join(word for bit, word in enumerate(_MISSING) if why.which >> bit & 1),
-        mounted=_word(_MOUNTED, why.which),
-        sensor=_word(_SENSORS, why.which),
+        missing=", ".join(word for bit, word in enumerate(MISSING) if why.which >> bit & 1),
+        mounted=_word(MOUNTED, why.which),
+        sensor=_word(SENSORS, why.which),
     )
     if why.prefix & Prefix.ASKED_AND:
         text = f"hold requested; {text}"

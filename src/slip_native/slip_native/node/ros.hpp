@@ -1,0 +1,283 @@
+/* rcl as C++ values that close themselves: context and node, publishers, subscriptions, services. */
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <type_traits>
+#include <vector>
+
+#include <diagnostic_msgs/msg/detail/diagnostic_status__functions.h>
+#include <diagnostic_msgs/msg/detail/key_value__functions.h>
+#include <diagnostic_msgs/msg/diagnostic_array.h>
+#include <geometry_msgs/msg/pose_stamped.h>
+#include <geometry_msgs/msg/twist_stamped.h>
+#include <geometry_msgs/msg/wrench_stamped.h>
+#include <rcl/error_handling.h>
+#include <rcl/rcl.h>
+#include <rosidl_runtime_c/primitives_sequence_functions.h>
+#include <rosidl_runtime_c/string_functions.h>
+#include <sensor_msgs/msg/joint_state.h>
+#include <std_msgs/msg/float64.h>
+#include <std_msgs/msg/float64_multi_array.h>
+#include <std_msgs/msg/int64_multi_array.h>
+#include <std_msgs/msg/string.h>
+#include <std_srvs/srv/trigger.h>
+#include <trajectory_msgs/msg/multi_dof_joint_trajectory.h>
+
+namespace ros {
+
+struct Error : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+/* Throw what rcl says, where a call has failed. */
+inline void check(rcl_ret_t code, const std::string &what) {
+  if (code == RCL_RET_OK) return;
+  const std::string why = rcl_get_error_string().str;
+  rcl_reset_error();
+  throw Error(what + ": " + why);
+}
+
+/* Go on where a call has failed: what it is for has gone, or goes with the process. */
+inline void ignore(rcl_ret_t code) {
+  if (code != RCL_RET_OK) rcl_reset_error();
+}
+
+/* A message with its type support. */
+template <class Body>
+struct Type;
+#define SLIP_VIC_MESSAGE(package, name)                                                                           \
+  template <>                                                                                                     \
+  struct Type<package##__msg__##name> {                                                                           \
+    static const rosidl_message_type_support_t *support() { return ROSIDL_GET_MSG_TYPE_SUPPORT(package, msg, name); } \
+    static bool init(package##__msg__##name *body) { return package##__msg__##name##__init(body); }               \
+    static void fini(package##__msg__##name *body) { package##__msg__##name##__fini(body); }                      \
+  };
+SLIP_VIC_MESSAGE(diagnostic_msgs, DiagnosticArray)
+SLIP_VIC_MESSAGE(geometry_msgs, PoseStamped)
+SLIP_VIC_MESSAGE(geometry_msgs, TwistStamped)
+SLIP_VIC_MESSAGE(geometry_msgs, WrenchStamped)
+SLIP_VIC_MESSAGE(sensor_msgs, JointState)
+SLIP_VIC_MESSAGE(std_msgs, Float64)
+SLIP_VIC_MESSAGE(std_msgs, Float64MultiArray)
+SLIP_VIC_MESSAGE(std_msgs, Int64MultiArray)
+SLIP_VIC_MESSAGE(std_msgs, String)
+SLIP_VIC_MESSAGE(trajectory_msgs, MultiDOFJointTrajectory)
+#undef SLIP_VIC_MESSAGE
+
+template <class Body>
+class Message {
+ public:
+  Message() {
+    if (!Type<Body>::init(&body_)) throw std::bad_alloc();
+  }
+  ~Message() { Type<Body>::fini(&body_); }
+  Message(const Message &) = delete;
+  Message &operator=(const Message &) = delete;
+  Body *operator->() { return &body_; }
+  Body &operator*() { return body_; }
+
+ private:
+  Body body_{};
+};
+
+inline void set(rosidl_runtime_c__String &to, const std::string &text) {
+  if (!rosidl_runtime_c__String__assign(&to, text.c_str())) throw std::bad_alloc();
+}
+
+inline void set(rosidl_runtime_c__String__Sequence &to, const std::vector<std::string> &texts) {
+  rosidl_runtime_c__String__Sequence__fini(&to);
+  if (!rosidl_runtime_c__String__Sequence__init(&to, texts.size())) throw std::bad_alloc();
+  for (size_t k = 0; k < texts.size(); ++k) set(to.data[k], texts[k]);
+}
+
+/* Set numbers of a message; room is made once. */
+inline void set(rosidl_runtime_c__double__Sequence &to, const double *values, size_t count) {
+  if (to.capacity < count) {
+    rosidl_runtime_c__double__Sequence__fini(&to);
+    if (!rosidl_runtime_c__double__Sequence__init(&to, count)) throw std::bad_alloc();
+  }
+  to.size = count;
+  std::copy(values, values + count, to.data);
+}
+
+inline void set(builtin_interfaces__msg__Time &to, int64_t stamp_ns) {
+  const int64_t second = 1'000'000'000, rest = ((stamp_ns % second) + second) % second;
+  to.nanosec = static_cast<uint32_t>(rest);
+  to.sec = static_cast<int32_t>((stamp_ns - rest) / second);
+}
+
+struct Qos {
+  bool reliable, latched;
+  size_t depth;
+  rmw_qos_profile_t profile() const {
+    rmw_qos_profile_t made = rmw_qos_profile_default;
+    made.depth = depth;
+    made.reliability = reliable ? RMW_QOS_POLICY_RELIABILITY_RELIABLE : RMW_QOS_POLICY_RELIABILITY_BEST_EFFORT;
+    made.durability = latched ? RMW_QOS_POLICY_DURABILITY_TRANSIENT_LOCAL : RMW_QOS_POLICY_DURABILITY_VOLATILE;
+    return made;
+  }
+};
+
+/* rcl for one process: its context and its only node. */
+class Node {
+ public:
+  Node(int count, char **words, const char *name) {
+    rcl_init_options_t options = rcl_get_zero_initialized_init_options();
+    check(rcl_init_options_init(&options, rcl_get_default_allocator()), "rcl_init_options_init");
+    const rcl_ret_t code = rcl_init(count, words, &options, &context);
+    ignore(rcl_init_options_fini(&options));
+    check(code, "ROS refused to start");
+    const rcl_node_options_t own = rcl_node_get_default_options();
+    check(rcl_node_init(&node, name, "", &context, &own), "ROS refused the node");
+  }
+  ~Node() {
+    ignore(rcl_node_fini(&node));
+    ignore(rcl_shutdown(&context));
+    ignore(rcl_context_fini(&context));
+    rcl_reset_error();
+  }
+  Node(const Node &) = delete;
+  Node &operator=(const Node &) = delete;
+
+  rcl_context_t context = rcl_get_zero_initialized_context();
+  rcl_node_t node = rcl_get_zero_initialized_node();
+};
+
+/* What is common to publishers of all types. */
+class AnyPublisher {
+ public:
+  AnyPublisher(Node &node, const rosidl_message_type_support_t *type, const std::string &name, Qos qos) : node_(node) {
+    rcl_publisher_options_t options = rcl_publisher_get_default_options();
+    options.qos = qos.profile();
+    check(rcl_publisher_init(&publisher_, &node.node, type, name.c_str(), &options), "topic " + name);
+  }
+  virtual ~AnyPublisher() { ignore(rcl_publisher_fini(&publisher_, &node_.node)); }
+  AnyPublisher(const AnyPublisher &) = delete;
+  AnyPublisher &operator=(const AnyPublisher &) = delete;
+
+  const char *topic() const { return rcl_publisher_get_topic_name(&publisher_); }
+  size_t subscribers() const {
+    size_t count = 0;
+    check(rcl_publisher_get_subscription_count(&publisher_, &count), "subscribers");
+    return count;
+  }
+  void deliver(int64_t timeout_ns) const { /* until reliable subscribers have it all */
+    ignore(rcl_publisher_wait_for_all_acked(&publisher_, timeout_ns));
+  }
+
+ protected:
+  rcl_publisher_t publisher_ = rcl_get_zero_initialized_publisher();
+
+ private:
+  Node &node_;
+};
+
+template <class Body>
+class Publisher : public AnyPublisher {
+ public:
+  Publisher(Node &node, const std::string &name, Qos qos = {true, false, 10000})
+      : AnyPublisher(node, Type<Body>::support(), name, qos) {}
+  Message<Body> message;
+  /* Send `message`; what the middleware refuses is lost, and the node goes on. */
+  void send() {
+    ignore(rcl_publish(&publisher_, &*message, nullptr));
+  }
+};
+
+class AnySubscription {
+ public:
+  AnySubscription(Node &node, const rosidl_message_type_support_t *type, const std::string &name, Qos qos)
+      : name(name), node_(node) {
+    rcl_subscription_options_t options = rcl_subscription_get_default_options();
+    options.qos = qos.profile();
+    check(rcl_subscription_init(&subscription, &node.node, type, name.c_str(), &options), "topic " + name);
+  }
+  virtual ~AnySubscription() { ignore(rcl_subscription_fini(&subscription, &node_.node)); }
+  AnySubscription(const AnySubscription &) = delete;
+  AnySubscription &operator=(const AnySubscription &) = delete;
+
+  const char *topic() const { return rcl_subscription_get_topic_name(&subscription); }
+  size_t publishers() const {
+    size_t count = 0;
+    check(rcl_subscription_get_publisher_count(&subscription, &count), "publishers");
+    return count;
+  }
+  /* Handle the messages that wait. */
+  virtual void handle() = 0;
+
+  const std::string name; /* as in the table of topics */
+  rcl_subscription_t subscription = rcl_get_zero_initialized_subscription();
+
+ private:
+  Node &node_;
+};
+
+/* Hands every message to `take(body)`, and to `refuse()` what is no message of the type. */
+template <class Body, class Take, class Refuse>
+class Subscription final : public AnySubscription {
+ public:
+  Subscription(Node &node, const std::string &name, Qos qos, Take take, Refuse refuse)
+      : AnySubscription(node, Type<Body>::support(), name, qos), take_(take), refuse_(refuse) {}
+  void handle() override {
+    for (;;) {
+      const rcl_ret_t code = rcl_take(&subscription, &*message_, nullptr, nullptr);
+      if (code == RCL_RET_SUBSCRIPTION_TAKE_FAILED) return;
+      if (code == RCL_RET_OK) {
+        take_(*message_);
+      } else {
+        rcl_reset_error();
+        refuse_();
+        return; /* what is left is handled after the next wait */
+      }
+    }
+  }
+
+ private:
+  Message<Body> message_;
+  Take take_;
+  Refuse refuse_;
+};
+
+/* A std_srvs/Trigger, answered by `answer(response)`. */
+class Trigger {
+ public:
+  Trigger(Node &node, const std::string &name) : node_(node) {
+    const rcl_service_options_t options = rcl_service_get_default_options();
+    check(rcl_service_init(&service, &node.node, ROSIDL_GET_SRV_TYPE_SUPPORT(std_srvs, srv, Trigger), name.c_str(),
+                           &options), "service " + name);
+    if (!std_srvs__srv__Trigger_Request__init(&request_)) throw std::bad_alloc();
+    if (!std_srvs__srv__Trigger_Response__init(&response_)) throw std::bad_alloc();
+  }
+  ~Trigger() {
+    std_srvs__srv__Trigger_Request__fini(&request_);
+    std_srvs__srv__Trigger_Response__fini(&response_);
+    ignore(rcl_service_fini(&service, &node_.node));
+  }
+  Trigger(const Trigger &) = delete;
+  Trigger &operator=(const Trigger &) = delete;
+
+  template <class Answer>
+  void handle(Answer answer) {
+    rmw_request_id_t id;
+    while (rcl_take_request(&service, &id, &request_) == RCL_RET_OK) {
+      const auto [success, text] = answer();
+      response_.success = success;
+      set(response_.message, text);
+      ignore(rcl_send_response(&service, &id, &response_)); /* who asked has gone */
+    }
+    rcl_reset_error();
+  }
+
+  rcl_service_t service = rcl_get_zero_initialized_service();
+
+ private:
+  Node &node_;
+  std_srvs__srv__Trigger_Request request_{};
+  std_srvs__srv__Trigger_Response response_{};
+};
+
+}  // namespace ros

@@ -1,0 +1,58 @@
+#include "words.hpp"
+
+#include <cstdio>
+#include <iterator>
+
+#include "slip_vic_words.h"
+
+static std::string number(const std::string &format, double value) {
+  char text[64];
+  std::snprintf(text, sizeof text, ("%" + format).c_str(), value);
+  return text;
+}
+
+template <size_t Count>
+static std::string word(const char *const (&words)[Count], int64_t k) {
+  return k >= 0 && k < static_cast<int64_t>(Count) ? words[k] : "";
+}
+
+std::string joint_of(int64_t which, const std::vector<std::string> &joint_names) {
+  if (which < 0) return "the pad";
+  return which < static_cast<int64_t>(joint_names.size()) ? joint_names[static_cast<size_t>(which)] : "";
+}
+
+static std::string missing_in(int64_t bits) {
+  std::string text;
+  for (size_t bit = 0; bit < std::size(slip_vic_missing_words); ++bit)
+    if (bits >> bit & 1) text += (text.empty() ? "" : ", ") + std::string(slip_vic_missing_words[bit]);
+  return text;
+}
+
+static std::string field(const std::string &name, const std::string &format, const SlipVic_WhyRecord &why,
+                         const std::vector<std::string> &joint_names) {
+  if (name == "value") return number(format, why.value);
+  if (name == "limit") return number(format, why.limit);
+  if (name == "which") return std::to_string(why.which);
+  if (name == "joint") return joint_of(why.which, joint_names);
+  if (name == "fault") return word(slip_vic_reason_words, why.fault);
+  if (name == "missing") return missing_in(why.which);
+  if (name == "mounted") return word(slip_vic_mounted_words, why.which);
+  return word(slip_vic_sensor_words, why.which);
+}
+
+std::string describe(const SlipVic_WhyRecord &why, const std::vector<std::string> &joint_names) {
+  const std::string form = word(slip_vic_reason_words, why.reason);
+  std::string text;
+  for (size_t at = 0; at < form.size();) {
+    const size_t open = form.find('{', at), close = form.find('}', at);
+    text += form.substr(at, open - at);
+    if (open == std::string::npos) break;
+    const std::string inside = form.substr(open + 1, close - open - 1);
+    const size_t colon = inside.find(':');
+    text += field(inside.substr(0, colon), colon == std::string::npos ? "" : inside.substr(colon + 1), why, joint_names);
+    at = close + 1;
+  }
+  if (why.prefix & SLIP_VIC_PREFIX_ASKED_AND) text = "hold requested; " + text;
+  if (why.prefix & SLIP_VIC_PREFIX_AFTER_RESET) text = "not enabled, after a reset of: " + text;
+  return why.prefix & SLIP_VIC_PREFIX_RESUMES_AFTER ? "resumes after: " + text : text;
+}
