@@ -46,6 +46,7 @@ def cli() -> None:
 @DOMAIN_ID
 @click.option("--cpu", "cores", type=CORE, multiple=True, help="both nodes' core, or bridge's and controller's")
 @click.option("--fifo", type=click.IntRange(1, 99), help="their SCHED_FIFO priority, where permitted")
+@click.option("--native", type=click.Path(path_type=Path), help="folder of `slip-vic export` whose node controls")
 @IN_PROCESS
 @click.option("--page", type=click.Path(path_type=Path), help="write the page of the run")
 def run(
@@ -56,6 +57,7 @@ def run(
     domain_id: int | None,
     cores: tuple[int, ...],
     fifo: int | None,
+    native: Path | None,
     in_process: bool,
     page: Path | None,
 ) -> None:
@@ -96,6 +98,7 @@ def run(
             launcher = Launcher(
                 loaded, bag=record or (Path(folder) / "bag" if judged else None),
                 wanted_domain=domain_id, namespace=namespace, scheduling=Scheduling(cores, fifo),
+                native=native,
             )  # fmt: skip
             with progress(console, unit=" s") as add_bar:
                 result = launcher.run(

@@ -14,25 +14,17 @@ from slip_native.functions import FUNCTIONS
 from slip_vic.cli import cli
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic.setup.export import write_run
+from test.system.native.conftest import call
 
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
 WARNINGS = ("-Wall", "-Wextra", "-Werror")
 
 
 @pytest.fixture(scope="module")
-def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder as the command writes it, with its example compiled."""
-    folder = tmp_path_factory.mktemp("native") / "out"
-    done = CliRunner().invoke(cli, ["export", "--set", "bridge.duration_s=0.5", "--out", str(folder)])
-    assert done.exit_code == 0, done.output
-    call("cc", "-std=c11", "-O2", *WARNINGS, "example.c", "libslip_vic.a", "-lm", "-o", "example", cwd=folder)
-    return folder
-
-
-def call(*command: str, cwd: Path) -> str:
-    done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=120, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout + done.stderr
+def example(library: Path) -> Path:
+    """The library with its example compiled."""
+    call("cc", "-std=c11", "-O2", *WARNINGS, "example.c", "libslip_vic.a", "-lm", "-o", "example", cwd=library)
+    return library
 
 
 RUNS = {
@@ -52,22 +44,22 @@ RUNS = {
 
 
 @pytest.mark.parametrize("name", RUNS)
-def test_example_answers_a_run_to_the_last_bit(library: Path, tmp_path: Path, name: str) -> None:
+def test_example_answers_a_run_to_the_last_bit(example: Path, tmp_path: Path, name: str) -> None:
     scenario, law, presets, assignments = RUNS[name]
     loaded = load_scenario(scenario, law=law, seed=3, assignments=("bridge.duration_s=1.5", *assignments), **presets)
     write_run(loaded, tmp_path)
-    said = call(str(library / "example"), "run.bin", cwd=tmp_path)
+    said = call(str(example / "example"), "run.bin", cwd=tmp_path)
     cycles, commands, differ, faults = map(int, re.findall(r"\d+", said))
     assert cycles >= 300
     assert commands > 0.5 * cycles
     assert (differ, faults) == (0, 0)
 
 
-def test_example_sees_a_number_that_differs(library: Path, tmp_path: Path) -> None:
-    data = bytearray((library / "run.bin").read_bytes())
+def test_example_sees_a_number_that_differs(example: Path, tmp_path: Path) -> None:
+    data = bytearray((example / "run.bin").read_bytes())
     data[-8 * 20_000] ^= 1  # in a record of the last ticks
     (tmp_path / "run.bin").write_bytes(data)
-    done = subprocess.run([library / "example", "run.bin"], cwd=tmp_path, capture_output=True, check=False)
+    done = subprocess.run([example / "example", "run.bin"], cwd=tmp_path, capture_output=True, check=False)
     assert done.returncode == 1
 
 
@@ -114,8 +106,8 @@ def test_temporary_arrays_use_a_small_part_of_their_room(library: Path) -> None:
 
 
 @pytest.mark.skipif(shutil.which("valgrind") is None, reason="no valgrind")
-def test_memcheck_finds_nothing(library: Path) -> None:
-    call("valgrind", "--error-exitcode=9", "--leak-check=full", "-q", str(library / "example"), "run.bin", cwd=library)
+def test_memcheck_finds_nothing(example: Path) -> None:
+    call("valgrind", "--error-exitcode=9", "--leak-check=full", "-q", str(example / "example"), "run.bin", cwd=example)
 
 
 @pytest.mark.skipif(shutil.which("c++") is None, reason="no C++ compiler")

@@ -3,7 +3,6 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
-#include <fstream>
 #include <string>
 
 #include <rcl/arguments.h>
@@ -78,13 +77,6 @@ static void take_overrides(const rcl_arguments_t &arguments, Settings *settings)
   if (given != nullptr) rcl_yaml_node_struct_fini(given);
 }
 
-static double memory_mib() {
-  std::ifstream file("/proc/self/status");
-  for (std::string line; std::getline(file, line);)
-    if (line.rfind("VmHWM:", 0) == 0) return std::strtod(line.c_str() + 6, nullptr) / 1024.0;
-  return 0.0;
-}
-
 static int run(int count, char **words) {
   if (count < 2 || words[1][0] == '-') throw InputError("slip_vic_node", "no folder", "one of `slip-vic export`");
   const std::string folder = words[1];
@@ -98,8 +90,7 @@ static int run(int count, char **words) {
   prctl(PR_SET_TIMERSLACK, 1, 0, 0, 0);
   node.run(stop);
   node.close(has_parent() && signal_number == SIGINT ? DELIVERY_NS : HASTE_NS);
-  emit("done", ", \"cycles\": " + std::to_string(node.cycles()) + ", \"missed\": " + std::to_string(node.missed()) +
-                   ", \"memory_mib\": " + std::to_string(memory_mib()));
+  emit("done", ", \"cycles\": " + std::to_string(node.cycles()) + ", \"missed\": " + std::to_string(node.missed()));
   return 0;
 }
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from slip_core.errors import InputError
 from slip_core.params import ParameterModel
 from slip_core.topics import TOPICS
 from slip_core.types import INTERFACES
@@ -77,3 +78,20 @@ def node_command(name: str, params: ParameterModel, folder: Path, *words: str) -
     node, path = NODES[name][0], folder / f"{name}.yaml"
     path.write_text(ros_parameter_file(params, node), encoding="utf-8")
     return python_module(f"{node}.main", "--ros-args", "--params-file", str(path), *words)
+
+
+def native_command(exported: Path, params: ControllerNodeParams, *words: str) -> list[str]:
+    """Return the command of the controller node of a `slip-vic export`; words: further ROS arguments.
+
+    Raises:
+        InputError: it is not built, or its parameters are others.
+    """
+    node, own = exported / "build" / "slip_vic_node", params.model_copy(update={"expected_subscribers": 1})
+    if not node.exists():
+        expected = "the node of an export"
+        raise InputError(f"{node}", got="no such file", expected=expected, fix="cmake, see docs/native.md")
+    if (exported / "controller.yaml").read_text(encoding="utf-8") != ros_parameter_file(own, NODES["controller"][0]):
+        fix = "export it with the same options"
+        raise InputError(f"{exported}", got="other parameters", expected="those of the controller in this run", fix=fix)
+    subscribers = f"expected_subscribers:={params.expected_subscribers}"
+    return [str(node.resolve()), str(exported), "--ros-args", "-p", subscribers, *words]

@@ -14,7 +14,7 @@ from slip_core.incidents import Incident
 from slip_msgs_py.environment import check_ros
 from slip_msgs_py.events import Event
 from slip_msgs_py.stop_flag import StopFlag
-from slip_vic.run.commands import node_command, recorded_topics, recorder_command
+from slip_vic.run.commands import native_command, node_command, recorded_topics, recorder_command
 from slip_vic.run.domain import check_alone, chosen_domain, domain_id
 from slip_vic.run.processes import ANYWHERE, Child, ProcessGroup, Scheduling, child_environment
 from slip_vic.scenarios.scenario import Scenario
@@ -59,6 +59,7 @@ class Launcher:
         namespace: ROS namespace of all nodes.
         scheduling: of bridge and controller: one core for both, or the bridge's and the controller's; without cores, in
             real time the last two. The recorder runs on the others.
+        native: folder of a `slip-vic export` whose node is the controller; None: the Python node.
 
     Raises:
         InputError: parameters and URDF that do not fit, a bag folder that is taken, a domain out of range.
@@ -72,8 +73,9 @@ class Launcher:
         wanted_domain: int | None = None,
         namespace: str = "",
         scheduling: Scheduling = ANYWHERE,
+        native: Path | None = None,
     ) -> None:
-        self._scenario = scenario
+        self._scenario, self._native = scenario, native
         self._bag = bag
         self._on_progress: Callable[[float], None] = lambda _: None
         self._wanted_domain = chosen_domain(wanted_domain)
@@ -133,7 +135,10 @@ class Launcher:
             bridges={name: params.model_copy(update=counts) for name, params in scenario.bridges.items()},
         )
         for name, own in (("controller", cores[-1:]), ("bridge", cores[:1])):
-            command = node_command(name, getattr(ready, name), folder, *words)
+            if name == "controller" and self._native is not None:
+                command = native_command(self._native, ready.arms[0][1], *words)
+            else:
+                command = node_command(name, getattr(ready, name), folder, *words)
             order.append((name, command, replace(self._scheduling, cores=own)))
         children = {name: group.start(name, argv, environment, self.note, how) for name, argv, how in order}
         self._wait(group, children["bridge"])

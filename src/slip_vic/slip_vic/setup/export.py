@@ -42,8 +42,8 @@ def export(*, choice: Choice, cpu: str, out: Path) -> None:
     check_writable(out / "slip_vic.h")
     click.echo("compiling the cycle for C, about a minute", err=True)
     library.build(out, cpu)
-    write_files(out, {"slip_vic.h": header(), "slip_vic_words.h": words(), **library.sources(), **_of_node(loaded)})
-    write_run(loaded, out)
+    write_files(out, {"slip_vic.h": header(), "slip_vic_words.h": words(), **library.sources()})
+    write_scenario(loaded, out)
     site = Path(sysconfig.get_path("purelib"))
     prefixes = f"{sysconfig.get_path('data')};{site / 'cmeel.prefix'}"
     click.echo(f"{out}: libslip_vic.so, libslip_vic.a, slip_vic.h, controller.bin, state.bin, run.bin, example.c, node")
@@ -53,17 +53,21 @@ def export(*, choice: Choice, cpu: str, out: Path) -> None:
     )
 
 
-def _of_node(scenario: Scenario) -> dict[str, str]:
-    """Return what the node reads beside controller.bin and state.bin: parameters, arm, and the profile of DDS."""
+def write_scenario(scenario: Scenario, folder: Path) -> None:
+    """Write what a host reads of a scenario: see `write_run`; and the node's parameters, arm, and profile of DDS."""
     from slip_core.files.urdf import usable_urdf
+    from slip_vic.scenarios.parameter_files import write_files
     from slip_vic.scenarios.scenario import NODES, ros_parameter_file
 
     (params, urdf), *_ = zip(scenario.controllers.values(), scenario.placed.values(), strict=True)
-    return {
+    profile = resources.files("slip_msgs_py").joinpath("localhost.xml")
+    texts = {
         "controller.yaml": ros_parameter_file(params, NODES["controller"][0]),
         "arm.urdf": usable_urdf(urdf, params.ee_frame, params.joint_names),
-        "localhost.xml": resources.files("slip_msgs_py").joinpath("localhost.xml").read_text(encoding="utf-8"),
+        "localhost.xml": profile.read_text(encoding="utf-8"),
     }
+    write_files(folder, texts)
+    write_run(scenario, folder)
 
 
 def write_run(scenario: Scenario, folder: Path) -> None:

@@ -1,0 +1,248 @@
+"""The node in C++: the terms of Python to the last bit, runs that `bag verify` takes, services, attacks, end."""
+
+# ruff: noqa: F811 - fixtures are found by name
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sysconfig
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slip_bags.reader import Bag
+from slip_core.files.urdf import usable_urdf
+from slip_core.records import new
+from slip_vic.replay.run_data import read_run
+from slip_vic.replay.verify import verify_run
+from slip_vic.run.in_process import run_in_process
+from slip_vic.run.launcher import Launcher
+from slip_vic.scenarios.scenario import load_scenario
+from slip_vic_controller.arm.robot import Robot
+from slip_vic_controller.law.arm import ARM
+from test.support.ros import Processes
+from test.system.native.conftest import SHORT, call, of_scenario
+from test.system.nodes.test_modes import BRIDGE_ENDLESS, CONTROLLER_SLOW, Start, Watcher, start, watcher  # noqa: F401
+
+pytestmark = pytest.mark.skipif(shutil.which("cmake") is None, reason="no cmake")
+STATES = 200
+
+
+# -- terms -------------------------------------------------------------------------------------------
+
+TERMS = """\
+#include <cstdio>
+#include <fstream>
+#include <iterator>
+#include "terms.hpp"
+int main(int, char **names) {
+  std::ifstream file(names[1]);
+  const int n = std::atoi(names[3]);
+  Terms terms({std::istreambuf_iterator<char>(file), {}}, names[2], {0.1, 0.2, -9.81}, std::vector<double>(n, 0.05));
+  std::vector<double> state(2 * n);
+  while (std::fread(state.data(), 8, state.size(), stdin) == state.size()) {
+    SlipVic_Arm arm{};
+    terms.fill(state.data(), state.data() + n, &arm);
+    std::fwrite(&arm, sizeof arm, 1, stdout);
+  }
+}
+"""
+
+
+@pytest.fixture(scope="module")
+def terms(built: Path) -> Path:
+    """A program that prints the record of each joint state that it reads."""
+    (built / "terms_main.cpp").write_text(TERMS)
+    libraries = Path(sysconfig.get_path("purelib")) / "cmeel.prefix" / "lib"
+    call(
+        "c++", "-std=c++17", "-I.", "-Inode", "terms_main.cpp", "build/libslip_vic_terms.a", "libslip_vic.so",
+        f"-L{libraries}", "-lpinocchio_default", "-lpinocchio_parsers", f"-Wl,-rpath,{libraries}:{built}",
+        f"-Wl,-rpath-link,{libraries}", "-o", "terms", cwd=built,
+    )  # fmt: skip
+    return built / "terms"
+
+
+def test_terms_are_those_of_python_to_the_last_bit(terms: Path, tmp_path: Path) -> None:
+    scenario = load_scenario("paper_planar")
+    params = scenario.arms[0][1]
+    text = usable_urdf(next(iter(scenario.placed.values())), params.ee_frame, params.joint_names)
+    (tmp_path / "arm.urdf").write_text(text)
+    n = len(params.joint_names)
+    robot = Robot(text, params.ee_frame, params.joint_names, (0.1, 0.2, -9.81), (0.05,) * n)
+    states = np.random.default_rng(0).normal(size=(STATES, 2, n))
+    expected = np.array([new(ARM) for _ in states])
+    for (q, qd), arm in zip(states, expected, strict=True):
+        robot.terms(q, qd, arm)
+    done = subprocess.run(
+        [terms, "arm.urdf", params.ee_frame, str(n)],
+        input=states.tobytes(),
+        cwd=tmp_path,
+        capture_output=True,
+        check=True,
+    )
+    assert done.stdout == expected.tobytes()
+
+
+# -- runs over DDS -----------------------------------------------------------------------------------
+
+RUNS = {
+    "planned": ("governed", ()),
+    "noise and a slow sensor": (
+        "vic", ("bridge.sensors.slip.noise_linear=1e-3", "bridge.sensors.slip.rate_hz=120.0",
+                "bridge.sensors.wrench.noise_force=0.05", "controller.publish_effort_array=true"),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_lockstep_run_is_that_of_python_and_verifies(built: Path, tmp_path: Path, name: str) -> None:
+    law, assignments = RUNS[name]
+    scenario = load_scenario("paper_planar", law=law, seed=3, assignments=(SHORT, *assignments))
+    folder = of_scenario(built, scenario, tmp_path / "export")
+    result = Launcher(scenario, bag=tmp_path / "bag", native=folder).run()
+    assert result.lost == 0
+    with Bag(tmp_path / "bag") as bag:
+        runs = read_run(bag)
+    found = verify_run(runs)
+    assert found.identical, found.text()
+    expected = [tick.command.numbers for tick in run_in_process(scenario)]
+    assert np.array(runs[""].commands).tobytes() == np.array(expected[: found.cycles]).tobytes()
+    assert len(expected) - found.cycles in (0, 1)
+
+
+def test_real_time_run_verifies(built: Path, tmp_path: Path) -> None:
+    scenario = load_scenario("paper_planar", mode="realtime", assignments=("bridge.duration_s=1.0",))
+    folder = of_scenario(built, scenario, tmp_path / "export")
+    Launcher(scenario, bag=tmp_path / "bag", native=folder).run()
+    with Bag(tmp_path / "bag") as bag:
+        found = verify_run(read_run(bag))
+    assert found.identical, found.text()
+    assert found.cycles > 100
+
+
+# -- services, attacks, end --------------------------------------------------------------------------
+
+
+@pytest.fixture
+def native(built: Path, tmp_path: Path, processes: Processes) -> Any:
+    """The node in real time."""
+    scenario = load_scenario("paper_planar", mode="realtime", assignments=(SHORT, *CONTROLLER_SLOW))
+    folder = of_scenario(built, scenario, tmp_path / "export")
+    return processes.start("native", [folder / "build" / "slip_vic_node", folder])
+
+
+def test_services_change_the_mode(watcher: Watcher, start: Start, native: Any, processes: Processes) -> None:
+    start("bridge", *BRIDGE_ENDLESS)
+    watcher.wait_law()
+    assert watcher.trigger("tare").message == "the law is at work: call ~/hold first"
+    assert watcher.trigger("hold").success
+    watcher.wait_mode("HOLD", "hold requested", "call ~/enable")
+    assert watcher.trigger("tare").message.startswith("tare.duration_s is 0")
+    assert watcher.trigger("reset_fault").success
+    assert watcher.trigger("enable").success
+    watcher.wait_mode("ACTIVE")
+    assert processes.stop(native, signal.SIGTERM) == 0
+    watcher.spin(lambda: len(watcher.commands[-1].effort) == 0, "the end of commands")
+
+
+def test_silence_is_answered_by_the_watchdog(watcher: Watcher, start: Start, native: Any, processes: Processes) -> None:
+    bridge = start("bridge", *BRIDGE_ENDLESS)
+    watcher.wait_law()
+    processes.kill(bridge)
+    watcher.wait_mode("HOLD", "joint state is silent")
+    assert processes.stop(native, signal.SIGINT) == 0
+
+
+def attacks() -> list[tuple[Any, str, Any]]:
+    """Return messages that are none, or that no arm sends: type, topic, message or bytes."""
+    from geometry_msgs.msg import TwistStamped, WrenchStamped
+    from sensor_msgs.msg import JointState
+    from std_msgs.msg import Header
+
+    names, rng = [f"arm_joint{k}" for k in range(1, 8)], np.random.default_rng(1)
+    odd: list[tuple[Any, str, Any]] = []
+    for kind, topic in ((JointState, "joint_states"), (WrenchStamped, "wrench"), (TwistStamped, "slip_velocity")):
+        odd += [(kind, topic, rng.bytes(size)) for size in (0, 1, 3, 4, 5, 8, 23, 200)]
+        odd += [(kind, topic, bytes((0, 1, 0, 0)) + b"\xff" * size) for size in (4, 12, 64)]  # lengths of 2^32 - 1
+        odd.append((kind, topic, kind(header=Header(frame_id="x" * 100_000))))
+        bad = kind()
+        bad.header.stamp.sec, bad.header.stamp.nanosec = -(2**31), 2**32 - 1
+        odd.append((kind, topic, bad))
+    for size in (0, 1, 6, 8, 5000):
+        odd.append((JointState, "joint_states", JointState(name=names, position=[0.0] * size, velocity=[0.0] * size)))
+    for value in (np.nan, np.inf, 1e308, -1e308):
+        odd.append((JointState, "joint_states", JointState(name=names, position=[value] * 7, velocity=[value] * 7)))
+    odd.append((JointState, "joint_states", JointState(name=[*names[:6], names[0]], position=[0.0] * 7)))
+    wrench = WrenchStamped()
+    wrench.wrench.force.x = np.nan
+    return [*odd, (WrenchStamped, "wrench", wrench)]
+
+
+def test_attacks_do_not_end_the_node(watcher: Watcher, native: Any, processes: Processes) -> None:
+    rng = np.random.default_rng(0)
+    publishers = {
+        topic: watcher.node.create_publisher(kind, topic, 1000) for kind, topic in {(of[0], of[1]) for of in attacks()}
+    }
+    watcher.spin(lambda: all(one.get_subscription_count() for one in publishers.values()), "the node's inputs")
+    for _ in range(3):
+        for k in rng.permutation(len(attacks())):
+            _, topic, message = attacks()[k]
+            publishers[topic].publish(message)
+        for name in rng.permutation(["enable", "hold", "reset_fault", "tare", "hold"]):
+            assert watcher.trigger(str(name)).message
+    assert native.exit_code is None
+    assert any("joint_states: message refused" in line for line in native.lines), native.tail()
+    assert all(np.isfinite(message.effort).all() for message in watcher.commands)
+    assert processes.stop(native, signal.SIGINT) == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    {
+        "no folder": ((), "error: slip_vic_node: got no folder, expected one of `slip-vic export`"),
+        "no export": (("/",), "error: //controller.bin: got no such file"),
+        "two folders": (("{folder}", "b"), "error: slip_vic_node: got more arguments than a folder"),
+        "other parameter": (("{folder}", "--ros-args", "-p", "mass:=1.0"), "error: parameter mass: got a value"),
+        "no number": (
+            ("{folder}", "--ros-args", "-p", "expected_subscribers:=0"), "error: parameter expected_subscribers: got",
+        ),
+        "no ROS argument": (("{folder}", "--ros-args", "--nonsense"), "error: ROS refused to start"),
+        "cut state": (("{cut}",), "/state.bin: got 8 bytes, expected the state of one arm"),
+    }.values(),
+)  # fmt: skip
+def test_bad_input_is_one_line(built: Path, tmp_path: Path, arguments: tuple[str, ...], line: str) -> None:
+    cut = tmp_path / "cut"
+    cut.mkdir()
+    for name in ("controller.bin", "controller.yaml", "arm.urdf"):
+        (cut / name).symlink_to(built / name)
+    (cut / "state.bin").write_bytes(bytes(8))
+    words = [of.format(folder=built, cut=cut) for of in arguments]
+    done = subprocess.run([built / "build" / "slip_vic_node", *words], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert line in done.stderr
+
+
+def test_several_arms_are_refused(built: Path, tmp_path: Path) -> None:
+    both = (built / "controller.bin").read_bytes() * 2
+    shutil.copytree(built, tmp_path / "two", ignore=shutil.ignore_patterns("build", "node", "*.a", "run.bin"))
+    (tmp_path / "two" / "controller.bin").write_bytes(both)
+    done = subprocess.run(
+        [built / "build" / "slip_vic_node", tmp_path / "two"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 2
+    assert "got 2 arms, expected one" in done.stderr
+
+
+def test_node_needs_no_python(built: Path) -> None:
+    environment = {name: value for name, value in os.environ.items() if name != "LD_LIBRARY_PATH"}
+    done = subprocess.run(
+        ["ldd", built / "build" / "slip_vic_node"], capture_output=True, text=True, env=environment, check=True
+    )
+    assert "libpython" not in done.stdout
+    assert "not found" not in done.stdout
