@@ -16,10 +16,12 @@ import numpy as np
 import pytest
 
 from slip_bags.reader import Bag
+from slip_core.errors import InputError
 from slip_core.files.urdf import usable_urdf
 from slip_core.records import new
 from slip_vic.replay.run_data import read_run
 from slip_vic.replay.verify import verify_run
+from slip_vic.run.commands import native_command
 from slip_vic.run.in_process import run_in_process
 from slip_vic.run.launcher import Launcher
 from slip_vic.scenarios.scenario import load_scenario
@@ -110,7 +112,7 @@ def test_lockstep_run_is_that_of_python_and_verifies(built: Path, tmp_path: Path
         runs = read_run(bag)
     found = verify_run(runs)
     assert found.identical, found.text()
-    expected = [tick.command.numbers for tick in run_in_process(scenario)]
+    expected = [tick.commands[0].numbers for tick in run_in_process(scenario)]
     assert np.array(runs[""].commands).tobytes() == np.array(expected[: found.cycles]).tobytes()
     assert len(expected) - found.cycles in (0, 1)
 
@@ -211,7 +213,7 @@ def test_attacks_do_not_end_the_node(watcher: Watcher, native: Any, processes: P
         "no number": (
             ("{folder}", "--ros-args", "-p", "expected_subscribers:=0"), "error: parameter expected_subscribers: got",
         ),
-        "no ROS argument": (("{folder}", "--ros-args", "--nonsense"), "error: ROS refused to start"),
+        "no ROS argument": (("{folder}", "--ros-args", "--nonsense"), "error: --ros-args: got an argument"),
         "cut state": (("{cut}",), "/state.bin: got 8 bytes, expected the state of one arm"),
     }.values(),
 )  # fmt: skip
@@ -222,10 +224,20 @@ def test_bad_input_is_one_line(built: Path, tmp_path: Path, arguments: tuple[str
         (cut / name).symlink_to(built / name)
     (cut / "state.bin").write_bytes(bytes(8))
     words = [of.format(folder=built, cut=cut) for of in arguments]
-    done = subprocess.run([built / "build" / "slip_vic_node", *words], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [built / "build" / "slip_vic_node", *words], capture_output=True, text=True, timeout=60, check=False
+    )
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
     assert line in done.stderr
+
+
+def test_export_of_other_parameters_is_refused(built: Path) -> None:
+    scenario = load_scenario("paper_planar", assignments=("controller.gains.alpha=7.0",))
+    with pytest.raises(InputError, match="other parameters, expected those of the controller in this run"):
+        native_command(built, scenario.arms[0][1])
+    with pytest.raises(InputError, match="no such file, expected the node of an export"):
+        native_command(built / "node", scenario.arms[0][1])
 
 
 def test_several_arms_are_refused(built: Path, tmp_path: Path) -> None:

@@ -85,6 +85,8 @@ static int run(int count, char **words) {
   ros::Node ros(count - 1, words + 1, "slip_vic_controller");
   if (rcl_arguments_get_count_unparsed(&ros.context.global_arguments) > 1)
     throw InputError("slip_vic_node", "more arguments than a folder", "a folder, then --ros-args", "slip_vic_node --help");
+  if (rcl_arguments_get_count_unparsed_ros(&ros.context.global_arguments) > 0)
+    throw InputError("--ros-args", "an argument that ROS has not", "-r FROM:=TO, -p expected_subscribers:=N");
   take_overrides(ros.context.global_arguments, &settings);
   ControllerNode node(ros, settings);
   prctl(PR_SET_TIMERSLACK, 1, 0, 0, 0);
@@ -103,8 +105,11 @@ int main(int count, char **words) {
   } catch (const InputError &error) {
     std::fprintf(stderr, "error: %s\n", error.what());
     return 2;
+  } catch (const ros::Error &error) {
+    std::fprintf(stderr, "error: %s\n", error.what());
+    return 2;
   } catch (const std::exception &error) {
     std::fprintf(stderr, "error: %s\n", error.what());
-    return stop ? 0 : 1;
+    return 1;
   }
 }

@@ -224,15 +224,13 @@ class Subscription final : public AnySubscription {
       : AnySubscription(node, Type<Body>::support(), name, qos), take_(take), refuse_(refuse) {}
   void handle() override {
     for (;;) {
-      const rcl_ret_t code = rcl_take(&subscription, &*message_, nullptr, nullptr);
-      if (code == RCL_RET_SUBSCRIPTION_TAKE_FAILED) return;
-      if (code == RCL_RET_OK) {
+      if (rcl_take(&subscription, &*message_, nullptr, nullptr) == RCL_RET_OK) {
         take_(*message_);
-      } else {
-        rcl_reset_error();
-        refuse_();
-        return; /* what is left is handled after the next wait */
+        continue;
       }
+      if (rcl_error_is_set()) refuse_(); /* else nothing is left */
+      rcl_reset_error();
+      return; /* what is left behind a message that is none is handled after the next wait */
     }
   }
 
