@@ -78,14 +78,16 @@ def _shown() -> Iterator[None]:
 
     def watch(report: Report) -> None:
         while not done.wait(1.0):
-            report(min(time.process_time() - begun_s, CYCLE_S))
+            report(min(round(time.process_time() - begun_s), CYCLE_S))
 
     with progress(Console(stderr=True), unit=" s of processor time") as add_bar:
         thread = threading.Thread(target=watch, args=(add_bar(LONGEST.partition(".")[0], CYCLE_S),), daemon=True)
         thread.start()
-        yield
-        done.set()
-        thread.join()
+        try:
+            yield
+        finally:
+            done.set()
+            thread.join()
 
 
 def _waits(owner: str) -> None:
