@@ -9,8 +9,7 @@ from scipy.spatial.transform import Rotation
 from slip_core.records import new, record
 from slip_core.types import PoseGoal
 from slip_core.vectors import Spatial, mat, spatial, vec
-from slip_vic_controller.cycle.governing import goal_progress
-from slip_vic_controller.path.goals import GOAL, GoalPhase, begin_goal, goal_at, rest_at
+from slip_vic_controller.path.goals import GOAL, GoalPhase, begin_goal, goal_at, goal_progress, rest_at
 from slip_vic_controller.path.paths import Reference
 from test.support.call import call
 from test.support.made_up import MadeUp, law_at_work
@@ -86,7 +85,7 @@ def test_governed_goal_progress() -> None:
         (1.0, GoalPhase.REACHED, 1.0),
     ):  # fmt: skip
         task.governor.out_time, task.goal.phase = time, phase
-        assert call(goal_progress, task) == expected, (time, phase)
+        assert call(goal_progress, task.governor, task.goal) == expected, (time, phase)
 
 
 def test_resting_goal_keeps_pose() -> None:

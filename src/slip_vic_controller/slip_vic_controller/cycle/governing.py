@@ -16,14 +16,15 @@ from slip_vic_controller.governor.step import Bounds, Pad
 from slip_vic_controller.law.arm import Arm
 from slip_vic_controller.path.goals import (
     GoalPhase,
-    Refusal,
     begin_goal,
     goal_at,
-    refuse_goal,
+    goal_progress,
+    judge_governed_goal,
     rest_at,
     screen_goal,
+    take_governed_goal,
 )
-from slip_vic_controller.path.paths import Reference, put_reference, reference_at, standing
+from slip_vic_controller.path.paths import Reference, put_reference, reference_at
 from slip_vic_controller.path.stream import (
     at,
     drop_passed,
@@ -69,44 +70,6 @@ def path_at(config: ControllerConfig, task: TaskState, state: ArmState, time: fl
     if config.follows_goals != 0:
         return goal_at(task.goal, time)
     return reference_at(config.path, time, state.law.start_position, state.law.start_rotation)
-
-
-@part
-def take_governed_goal(config: ControllerConfig, task: TaskState) -> bool:
-    """Begin the goal that waits, once the pad is at rest; return whether there is a path to follow."""
-    path, goal = task.governor, task.goal
-    if goal.pending != 0:
-        if goal.phase == GoalPhase.RESTS or (path.rate == 0.0 and path.out_rate == 0.0):
-            begin_goal(goal, standing(goal_at(goal, path.out_time)))
-            path.duration, goal.phase = goal.path.knot[1], GoalPhase.PLANS.value
-            governor.start_path(config.governor, path)
-        else:
-            goal.phase = GoalPhase.STOPS.value
-    return bool(goal.phase != GoalPhase.RESTS)
-
-
-@part
-def judge_governed_goal(config: ControllerConfig, task: TaskState) -> None:
-    """Refuse a goal whose path is too heavy for friction, and mark the one that is reached."""
-    path, goal = task.governor, task.goal
-    if goal.phase == GoalPhase.PLANS and path.planned != 0:
-        goal.phase = GoalPhase.MOVES.value
-        if path.infeasible != 0:
-            carries = config.governor.path_margin * path.plan_load
-            refuse_goal(goal, Refusal.TOO_HEAVY.value, path.heaviest_time, path.weight_load, carries)
-            rest_at(goal, standing(goal_at(goal, 0.0)))
-            governor.start_path(config.governor, path)
-    elif goal.phase == GoalPhase.MOVES and path.arrived != 0 and path.out_rate == 0.0:
-        goal.phase = GoalPhase.REACHED.value
-
-
-@part
-def goal_progress(task: TaskState) -> float:
-    """Return which share of the time of its path has passed."""
-    goal, path = task.goal, task.governor
-    if goal.phase == GoalPhase.STOPS or goal.phase == GoalPhase.MOVES:
-        return min(max(path.out_time / path.duration, 0.0), 1.0)
-    return 1.0 if goal.phase == GoalPhase.REACHED else 0.0
 
 
 @part
@@ -156,7 +119,7 @@ def step_on_path(c: ArmCycle, path_speed: float) -> None:
     grasped = held(config, state, c.outputs.gains)
     if config.follows_stream != 0:
         follow_stream(c, grasped, path_speed, dt)
-    elif config.follows_goals != 0 and not take_governed_goal(config, task):
+    elif config.follows_goals != 0 and not take_governed_goal(config.governor, task.governor, task.goal):
         governor.allow(config.governor, task.governor)  # rests where it is
     else:
         follow_path(c, grasped, path_speed, dt)
@@ -203,7 +166,7 @@ def follow_path(c: ArmCycle, grasped: Held, path_speed: float, dt: float) -> Non
     point, seen = along(config.governor, path.duration, path.time, planned), seen_from(planned, c.inputs.arm, state.pad)
     governor.run(config.governor, path, task.grid, grasped, point, seen, rate_limit(config, path, path_speed), dt)
     if config.follows_goals != 0:
-        judge_governed_goal(config, task)
+        judge_governed_goal(config.governor, path, task.goal)
 
 
 @part
@@ -253,6 +216,6 @@ def put_governed(config: ControllerConfig, task: TaskState, state: ArmState, out
         out.load_ratio, out.friction_share, out.margin = pad.commanded / F, pad.measured / F, path.usable / F
     out.stream_waits = waiting(task.stream, path.out_time) if config.follows_stream != 0 else 0.0
     out.goal, out.goal_phase = float(task.goal.number), float(task.goal.phase)
-    out.goal_progress = goal_progress(task) if config.follows_goals != 0 else 0.0
+    out.goal_progress = goal_progress(path, task.goal) if config.follows_goals != 0 else 0.0
     out.slipping = float(pad.contact.slipping)
     out.grip_command, out.grip_force = state.grip.command, state.grip.actual

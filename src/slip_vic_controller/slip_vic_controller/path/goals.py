@@ -12,10 +12,11 @@ from enum import IntEnum, unique
 from slip_core.compiled import part
 from slip_core.records import Mat3, Real, Record, Vec3, Whole, dtype_of
 from slip_core.vectors import Spatial, mat, put, put_mat, put_spatial, vec
-from slip_vic_controller.governor.layouts import GovernorConfig
+from slip_vic_controller.governor.governor import start_path
+from slip_vic_controller.governor.layouts import Governor, GovernorConfig
 from slip_vic_controller.governor.plan import Governing
 from slip_vic_controller.law.rotation import logarithm
-from slip_vic_controller.path.paths import Path, PathKind, Reference, put_quintic, reference_at, rising
+from slip_vic_controller.path.paths import Path, PathKind, Reference, put_quintic, reference_at, rising, standing
 
 
 @unique
@@ -129,3 +130,41 @@ def screen_goal(limits: GovernorConfig, goal: Goal, now: Reference, at_work: boo
     if why != Refusal.NO:
         goal.pending, goal.refused, goal.refusal = 0, goal.received, why
         goal.where, goal.value, goal.limit = 0.0, value, limit
+
+
+# -- governed ------------------------------------------------------------------------------------------
+
+
+@part
+def take_governed_goal(limits: GovernorConfig, path: Governor, goal: Goal) -> bool:
+    """Begin the goal that waits, once the pad is at rest; return whether there is a path to follow."""
+    if goal.pending != 0:
+        if goal.phase == GoalPhase.RESTS or (path.rate == 0.0 and path.out_rate == 0.0):
+            begin_goal(goal, standing(goal_at(goal, path.out_time)))
+            path.duration, goal.phase = goal.path.knot[1], GoalPhase.PLANS.value
+            start_path(limits, path)
+        else:
+            goal.phase = GoalPhase.STOPS.value
+    return bool(goal.phase != GoalPhase.RESTS)
+
+
+@part
+def judge_governed_goal(limits: GovernorConfig, path: Governor, goal: Goal) -> None:
+    """Refuse a goal whose path is too heavy for friction, and mark the one that is reached."""
+    if goal.phase == GoalPhase.PLANS and path.planned != 0:
+        goal.phase = GoalPhase.MOVES.value
+        if path.infeasible != 0:
+            carries = limits.path_margin * path.plan_load
+            refuse_goal(goal, Refusal.TOO_HEAVY.value, path.heaviest_time, path.weight_load, carries)
+            rest_at(goal, standing(goal_at(goal, 0.0)))
+            start_path(limits, path)
+    elif goal.phase == GoalPhase.MOVES and path.arrived != 0 and path.out_rate == 0.0:
+        goal.phase = GoalPhase.REACHED.value
+
+
+@part
+def goal_progress(path: Governor, goal: Goal) -> float:
+    """Return which share of the time of its path has passed."""
+    if goal.phase == GoalPhase.STOPS or goal.phase == GoalPhase.MOVES:
+        return min(max(path.out_time / path.duration, 0.0), 1.0)
+    return 1.0 if goal.phase == GoalPhase.REACHED else 0.0
