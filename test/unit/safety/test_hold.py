@@ -188,6 +188,3 @@ def test_slow_clock_keeps_hold_margin(period_s: float) -> None:
     slower = max(1.0, 2.0 * math.sqrt(SAFETY.hold_stiffness) * period_s / DELAY)
     assert hold.stiffness * slower**2 == pytest.approx(SAFETY.hold_stiffness)
     assert hold.damping == pytest.approx(2.0 * math.sqrt(hold.stiffness))
-
-
-# -- in the simulation --------------------------------------------------------------------------------
