@@ -48,6 +48,7 @@ from slip_vic_controller.state import CONFIG, ControllerConfig
 WATCH: Final[dict[str, Any]] = {
     "controller": "classical", "command.interface": "effort", "governor.mode": "off", "slip_estimator": "measured",
     "joint_sensor.noise_velocity": 0.0, "joint_sensor.quantum_position": 0.0,
+    "drive.delay_s": 0.0, "drive.lag_s": 0.0,
     "grip.control": "fixed", "tare.duration_s": 0.0, "safety.inputs.frozen_s": 1e3,
     "safety.load.drop_speed": 1e3, "safety.limits.error_linear": 1e3, "safety.limits.error_angular": 1e3,
 }  # fmt: skip
