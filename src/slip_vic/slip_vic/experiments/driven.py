@@ -98,7 +98,7 @@ def driven(scenario: Scenario, law: Law, most_grip: float | None = None) -> Iter
         LawError: what the law did wrong.
     """
     if most_grip is None:
-        most_grip = min(params.grip.force_limit for params in scenario.controllers.values())
+        most_grip = min(params.grip.cap for params in scenario.controllers.values())
     arms, begun = [_Arm(scenario, name) for name in scenario.controllers], False
     for tick in run_in_process(watched(scenario)):
         try:

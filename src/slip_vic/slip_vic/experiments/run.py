@@ -108,7 +108,7 @@ def _begun(world: World, own: bool) -> tuple[Iterator[Tick], Scenario]:
     grips = [params.grip for params in scenario.controllers.values()]
     most = max(grip.nominal_force for grip in grips)
     if world.track == "free":
-        most = max(most, min(grip.force_limit for grip in grips))
+        most = max(most, min(grip.cap for grip in grips))
     return driven(scenario, found.kind(), most if world.track else None), watched(scenario)
 
 

@@ -19,6 +19,7 @@ from slip_vic_controller.config.joints import DEVIATIONS, estimator_config
 from slip_vic_controller.config.observer import TUNING, observer_config, witnesses
 from slip_vic_controller.contact.friction_estimate import Friction
 from slip_vic_controller.contact.layouts import OBSERVER_CONFIG
+from slip_vic_controller.governor.grip import AHEAD_S
 from slip_vic_controller.governor.layouts import GovernorConfig
 from slip_vic_controller.governor.plan import Governing
 from slip_vic_controller.interfaces import fill_wrench_sensor
@@ -85,8 +86,7 @@ def make_config(params: ControllerParams, robot: Robot, *, lockstep: bool, arms:
     use_noise(config, params, robot.effort_limit)
     copy_fields(config.tare, params.tare, params.object)
     copy_fields(config.grip, params.grip)
-    config.grip.follow, grip = int(params.grip.control == "follow"), params.grip
-    config.grip.preview_s = grip.lag_s + (grip.force_limit - grip.nominal_force) / grip.command_rate
+    config.grip.follow, config.grip.preview_s = int(params.grip.control == "follow"), params.grip.lag_s + AHEAD_S
     _fill_cycle(config, params, len(robot.joint_names))
     _fill_inputs(config, params, robot, lockstep=lockstep)
     _fill_conditions(config, params)
@@ -223,7 +223,7 @@ def _fill_governor(governor: GovernorConfig, params: ControllerParams) -> None:
     governor.gravity[:] = params.gravity
     governor.duration, governor.length, governor.floor = path.duration_s, PATH_LENGTH_M, PATH_FLOOR_M_S
     governor.most_speed, governor.most_turning = limits.speed_linear, limits.speed_angular
-    governor.most_grip = params.grip.force_limit / params.grip.nominal_force if params.grip.control == "follow" else 1.0
+    governor.most_grip = params.grip.cap / params.grip.nominal_force if params.grip.control == "follow" else 1.0
     governor.window = min(max(1, round(given.window_s / params.control_period_s)), ROOM)
     # Several arms without a common path pull the object apart, and no way is left to brake in.
     governor.led = int(len(params.contacts.position) == 3)

@@ -36,6 +36,7 @@ class ContactEstimate(Record):
     slip_ns: Whole  # stamp of the newest sample that shows it
     F_lo: Real  # N; what is certain to be carried
     F_median: Real  # N; F^
+    F_risk: Real  # N; what the belief is certain to be carried but for a risk, where the grip follows it
     slipped_at: Real  # N; smallest load at which it has slipped, 0 before
     carried: Real  # N; largest load carried without slip
     first: Real  # N; F^ at first

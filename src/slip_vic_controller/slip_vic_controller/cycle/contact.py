@@ -6,6 +6,7 @@ from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.records import Records
 from slip_core.vectors import Spatial, mat, put_spatial, spatial, vec
+from slip_vic_controller.contact.belief import SLIDES, certain_share, keep_past, see_load, see_slip, sliding
 from slip_vic_controller.contact.estimate import SensorHealth
 from slip_vic_controller.contact.friction_estimate import (
     certify,
@@ -19,7 +20,7 @@ from slip_vic_controller.contact.friction_estimate import (
 )
 from slip_vic_controller.contact.wrench_evidence import compare_directions, lacks_load
 from slip_vic_controller.governor import governor
-from slip_vic_controller.governor.grip import follow_load, load_ahead
+from slip_vic_controller.governor.grip import load_ahead, load_to_hold, squeeze
 from slip_vic_controller.governor.layouts import GovernorConfig
 from slip_vic_controller.governor.load import ALONE, Held, load, size, weight
 from slip_vic_controller.law.arm import Arm
@@ -50,13 +51,16 @@ def begin_pad(config: ControllerConfig, state: ArmState, arm: Arm, gains: LawGai
 
 
 @part
-def squeeze(config: ControllerConfig, task: TaskState, state: ArmState, dt: float) -> None:
-    """Let the grip of a pad follow the load of the planned path, and the commanded and measured load of now."""
-    pad = state.pad
-    load = max(pad.commanded, pad.measured)
+def hold_on(config: ControllerConfig, task: TaskState, state: ArmState, dt: float) -> None:
+    """Let the grip of a pad follow the load of now, and what the planned path adds to it."""
+    pad, probe = state.pad, config.governor.friction.probe
+    load = load_to_hold(pad.belief, pad.commanded) + probe
     if task.governor.planned == 1:
-        load = max(load, load_ahead(task.grid, task.governor.time, config.grip.preview_s))
-    follow_load(config.grip, state.grip, load, pad.contact.F_lo, dt)
+        load += load_ahead(task.grid, task.governor.time, config.grip.preview_s)
+    pad.contact.F_risk = config.governor.friction.configured * certain_share(pad.belief, config.grip.risk)
+    needed = load * config.grip.nominal_force / pad.contact.F_risk
+    slides = sliding(pad.belief) > SLIDES or (pad.contact.slipping != 0 and pad.friction.said > 0)
+    squeeze(config.grip, state.grip, needed, slides, dt)
     pad.grip = state.grip.actual / config.grip.nominal_force
 
 
@@ -75,12 +79,13 @@ def estimate_contact(
 
     unknown: whether there is no slip sample that may be used; dt: since the cycle before [s].
     """
-    if config.grip.follow != 0:
-        squeeze(config, task, state, dt)
     pad, limits, stamp_ns, alone = state.pad, config.governor, state.joint.answers.stamp_ns, config.law.contacts == 1
     contact, friction, evidence = pad.contact, pad.friction, pad.evidence
     measured = spatial(limits.weights) * spatial(outputs.samples[0].wrench)
     pad.measured = size(measured)
+    if config.grip.follow != 0:
+        see_load(pad.belief, measured, pad.commanded, pad.grip * limits.friction.configured, dt)
+        keep_past(pad.belief, stamp_ns)
     remember(friction, stamp_ns, pad.measured / pad.grip, pad.commanded / pad.grip)
     certify(limits.friction, contact, friction, stamp_ns)
     found = bool(config.has_observer != 0 and state.observer.sliding != 0)
@@ -88,6 +93,8 @@ def estimate_contact(
         sample, before_ns = state.queue.samples[k], friction.last_ns
         slip = scaled_slip(limits, sample.twist)
         slip_sample(limits.friction, contact, friction, sample.stamp_ns, slip, found)
+        if config.grip.follow != 0:
+            see_slip(pad.belief, sample.stamp_ns, size(slip), limits.friction.threshold)
         if alone and contact.slipping != 0 and NEVER < before_ns <= sample.stamp_ns:
             drags, passed_s = -vec(evidence.measured), 1e-9 * (sample.stamp_ns - before_ns)
             evidence.mounted = compare_directions(evidence, slip.linear, drags, passed_s)
@@ -95,6 +102,8 @@ def estimate_contact(
         weigh_evidence(config, state, outputs, measured, dt)
     put_certain(limits.friction, contact)
     suspect(limits.friction, contact, friction, found)
+    if config.grip.follow != 0:
+        hold_on(config, task, state, dt)
     contact.variance[:] = state.observer.variance
     contact.age_ns = stamp_ns - state.slip_inputs[0].stamp_ns
     contact.wrench_health = SensorHealth.SILENT.value if state.wrench_modelled != 0 else SensorHealth.OK.value
@@ -130,9 +139,8 @@ def agree_on_friction(config: ControllerConfig, task: TaskState, states: Records
     """Use the friction of the weakest pad for the path, and share slip among all pads; config: of the first arm."""
     path, n = task.governor, len(states)
     limits, now_ns = config.governor.friction, states[0].joint.answers.stamp_ns
-    path.contact, path.grip = states[0].pad.contact, states[0].pad.grip
+    path.contact = states[0].pad.contact
     for k in range(1, n):
-        path.grip = min(path.grip, states[k].pad.grip)
         take_weaker(path.contact, states[k].pad.contact)
     if n > 1:
         for k in range(n):

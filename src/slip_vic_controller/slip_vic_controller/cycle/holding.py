@@ -60,6 +60,7 @@ def hold(c: ArmCycle) -> None:
     config, task, state, inputs, outputs = c.config, c.task, c.state, c.inputs, c.outputs
     law, sample, n = state.law, state.joint.answers, config.law.joints
     task.path.scale, task.path.rate = 0.0, 0.0
+    state.grip.command = max(state.grip.command, config.grip.nominal_force)
     seen = inputs.arm.M[0, 0] > 0.0
     blind = unseen_ns(config.estimator, state.estimate) > 1e9 * BLIND_S or (not seen and state.sent.started == 0)
     if holds_for(state.mode, Reason.JOINT_STATE.value, Reason.FROZEN.value):

@@ -16,6 +16,7 @@ from typing import Final
 from slip_core.compiled import part
 from slip_core.records import Records
 from slip_core.vectors import NOTHING, Spatial, Vec, put_spatial
+from slip_vic_controller.contact.belief import start_belief
 from slip_vic_controller.contact.estimate import SensorHealth
 from slip_vic_controller.contact.friction_estimate import start_friction
 from slip_vic_controller.contact.wrench_evidence import start_evidence
@@ -86,6 +87,8 @@ def start_pad(config: GovernorConfig, pad: GovernedPad, at_rest: float, weighed:
     pad.contact.slip_health = pad.contact.wrench_health = SensorHealth.OK.value
     pad.contact.needs = pad.contact.lacks = 0.0
     pad.commanded = pad.measured = at_rest
+    pad.contact.F_risk = config.friction.configured
+    start_belief(pad.belief, at_rest, grip * config.friction.configured)
     pad.guard, pad.grip = 1.0, grip
     put_spatial(pad.feedback, NOTHING)
 
@@ -95,7 +98,7 @@ def start_governor(config: GovernorConfig, state: Governor, pad: GovernedPad) ->
     """Begin a path, with what is known of a pad."""
     state.duration = config.duration
     start_path(config, state)
-    state.contact, state.grip = pad.contact, pad.grip
+    state.contact = pad.contact
 
 
 @part
@@ -207,13 +210,13 @@ def stops_with(config: GovernorConfig, state: Governor, grid: Records[GridPoint]
 @part
 def allow(config: GovernorConfig, state: Governor) -> None:
     """Write which loads path and guard may use now."""
-    F, plan_load = state.grip * state.contact.F_median, state.plan_load * (state.grip / config.most_grip)
-    more = state.grip * (state.contact.F_lo + config.friction.probe)  # than what is certain, where friction is unknown
+    F = config.most_grip * state.contact.F_median
+    more = config.most_grip * (state.contact.F_lo + config.friction.probe)  # than is certain, where it is unknown
     state.usable = with_weight(config, state, min(more, config.margin * F))
     state.ceiling = with_weight(config, state, min(more, F))
-    if state.planned == 1 and plan_load > max(state.usable, config.margin * F):
-        state.usable = plan_load  # margin was given up
-        state.ceiling = max(state.ceiling, plan_load)
+    if state.planned == 1 and state.plan_load > max(state.usable, config.margin * F):
+        state.usable = state.plan_load  # margin was given up
+        state.ceiling = max(state.ceiling, state.plan_load)
 
 
 @part

@@ -1,31 +1,44 @@
-"""Grip as the other output: squeeze as hard as the path ahead needs, and no harder.
+"""Grip as the other output: squeeze as hard as the load ahead needs, and no harder.
 
-    N_des = max over the preview of |l(a_d)| / (margin mu),   mu = F^ / N_told
+    N = (L + eps) / (mu r),   L = max(p, |l| - noise, 0.9 d) + what the plan rises by within the preview
 
-A gripper is slow, so the load is previewed on the planned path, and the command changes no faster than the configured
-rate. The gripper is not measured: a lag of first order stands for it, and F^
-grows and shrinks with that.
+mu: friction as configured, r: what the belief is certain to carry of it; p, l, d: see `contact.belief`; eps: the load
+that is probed anyway. The command rises at once and sinks slowly. While the object slides it only rises: the measured
+load falls then, and a squeeze that followed it would lose the object. The gripper is not measured: a lag of first order
+stands for it, and the least force that it may have of what is commanded.
 """
 
 from __future__ import annotations
 
 import math
+from typing import Final
 
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Records, Whole
+from slip_vic_controller.contact.belief import Belief
 from slip_vic_controller.governor.plan import GRID_POINTS, GridPoint
+
+SINKS_S: Final = 0.02
+"""In which the command sinks to what the load needs, or grows in a slip, by the factor e [s]."""
+AHEAD_S: Final = 0.016
+"""By which the load ahead is needed earlier than the gripper takes: what comes unplanned in a control loop [s]."""
+NOISE: Final = 2.0
+"""Standard deviations by which a measured load must exceed the modelled one."""
+STANDS: Final = 0.9
+"""Share of the commanded load that counts whatever the wrench measures: less is a slip, or a mass that is wrong."""
 
 
 class GripConfig(Record):
     """How the grip may be commanded."""
 
     follow: Whole  # whether it is commanded
-    nominal_force: Real  # N, for which friction is configured; never less than this
-    force_limit: Real  # N
-    command_rate: Real  # N/s
+    nominal_force: Real  # N, for which friction is configured
+    least_force: Real  # N
+    cap: Real  # N
+    error_force: Real  # N, by which the force may be less than commanded
+    risk: Real  # probability that friction carries less than is taken as certain
     lag_s: Real  # s, of the gripper
     preview_s: Real  # s
-    margin: Real  # share of friction that the load may take
 
 
 class Grip(Record):
@@ -37,7 +50,7 @@ class Grip(Record):
 
 @part
 def load_ahead(grid: Records[GridPoint], time: float, preview_s: float) -> float:
-    """Return the largest load of the path as it is planned, from a time of it on [N].
+    """Return by how much the load of the path as it is planned rises from a time of it on [N].
 
     Args:
         grid: points of the path, planned.
@@ -47,33 +60,40 @@ def load_ahead(grid: Records[GridPoint], time: float, preview_s: float) -> float
     first = 0
     while first < GRID_POINTS - 2 and grid[first + 1].time <= time:
         first += 1
-    most = 0.0
+    now = most = 0.0
     for i in range(first, GRID_POINTS):
         point = grid[i]
-        if i > first and point.time > time + preview_s:
+        if i > first + 1 and point.time > time + preview_s:
             break
         x, u = point.K, 0.0
         if i + 1 < GRID_POINTS and grid[i + 1].s > point.s:
             u = 0.5 * (grid[i + 1].K - x) / (grid[i + 1].s - point.s)
         square = (point.uu * u + 2.0 * (point.ux * x + point.uc)) * u + (point.xx * x + 2.0 * point.xc) * x + point.cc
+        now = square if i == first else now
         most = max(most, square)
-    return math.sqrt(most)
+    return math.sqrt(most) - math.sqrt(now)
 
 
 @part
-def follow_load(config: GripConfig, grip: Grip, load: float, F_nominal: float, dt: float) -> None:
+def load_to_hold(belief: Belief, commanded: float) -> float:
+    """Return the load that has to be carried now [N]: never the measured one alone, which falls in a slip."""
+    return max(belief.needed, belief.carried - NOISE * belief.noise, STANDS * commanded)
+
+
+@part
+def squeeze(config: GripConfig, grip: Grip, needed: float, slides: bool, dt: float) -> None:
     """Move the command towards what a load needs, and the gripper towards its command.
 
     Args:
         config, grip: parameters and state of the grip.
-        load: that friction must carry [N].
-        F_nominal: friction limit at the nominal grip [N].
+        needed: squeeze that carries the load [N].
+        slides: whether the object does.
         dt: since the cycle before [s].
     """
-    wanted = min(
-        max(load * config.nominal_force / (config.margin * F_nominal), config.nominal_force), config.force_limit
-    )
     share = 1.0 - math.exp(-dt / config.lag_s) if config.lag_s > 0.0 else 1.0
-    grip.actual += share * (grip.command - grip.actual)
-    most = config.command_rate * dt
-    grip.command = min(max(wanted, grip.command - most), grip.command + most)
+    held = max(grip.command - config.error_force, config.least_force)
+    grip.actual += share * (held - grip.actual)
+    wanted = min(max(needed + config.error_force, config.least_force), config.cap)
+    kept = math.exp(-dt / SINKS_S)
+    moved = grip.command / kept if slides else wanted + kept * (grip.command - wanted)
+    grip.command = min(max(wanted, moved), config.cap)

@@ -6,6 +6,7 @@ from typing import Annotated
 
 from slip_core.arrays import Array
 from slip_core.records import Real, Record, Vec3, Vec6, Whole, dtype_of
+from slip_vic_controller.contact.belief import Belief
 from slip_vic_controller.contact.estimate import ContactEstimate
 from slip_vic_controller.contact.friction_estimate import FrictionConfig, FrictionEvidence
 from slip_vic_controller.contact.wrench_evidence import WrenchEvidence
@@ -63,7 +64,6 @@ class Governor(Record):
     arrived: Whole
     usable: Real  # N, load that the path may use
     ceiling: Real  # N, load that the guard lets pass
-    grip: Real  # least of all pads, over the one for which F^ is configured
     ring_count: Whole
     ring: Annotated[Array, (ROOM, 3)]  # s, sdot, sddot
     contact: ContactEstimate  # of the weakest pad
@@ -79,6 +79,7 @@ class GovernedPad(Record):
     grip: Real  # over the one for which F^ is configured
     friction: FrictionEvidence
     evidence: WrenchEvidence
+    belief: Belief
     contact: ContactEstimate
 
 

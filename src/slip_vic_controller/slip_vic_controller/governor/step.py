@@ -133,10 +133,10 @@ def of_catching_up(config: GovernorConfig, state: Governor, load: PathLoad) -> I
 
     Where the weight alone is more than that, it would not help.
     """
-    certified = state.grip * state.contact.carried
+    certified = config.most_grip * state.contact.carried
     if config.mode != Governing.SLOW_DOWN or load.weight >= certified:
         return at_most(math.inf)
-    F = max(certified + state.grip * config.friction.probe, size(load.full))
+    F = max(certified + config.most_grip * config.friction.probe, size(load.full))
     found = carried(load.per_u, load.rest, F)
     return at_most(max(found.high, 0.0) if found.met else 0.0)
 

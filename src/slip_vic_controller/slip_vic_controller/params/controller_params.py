@@ -254,8 +254,8 @@ class ControllerParams(ArmParams):
         if self.grip.control == "follow":
             if self.governor.mode == "off":
                 raise ValueError("grip.control follow needs a path that is looked ahead on: set governor.mode")
-            if self.grip.force_limit < self.grip.nominal_force:
-                raise ValueError(f"grip.force_limit {self.grip.force_limit} must not be below grip.nominal_force")
+            if self.grip.cap < self.grip.nominal_force:
+                raise ValueError(f"grip.cap {self.grip.cap} must not be below grip.nominal_force")
         return self
 
     @property

@@ -75,9 +75,18 @@ class GripParams(GripperModel):
     """Grip as a second output, where the gripper can follow and the object may be squeezed."""
 
     nominal_force: float = parameter(
-        0.5, "grip for which governor.friction_limit holds; with control follow also the first and the least one",
-        unit="N", gt=0.0,
+        0.5, "grip for which governor.friction_limit holds; with control follow also the first one, and the least in "
+        "HOLD", unit="N", gt=0.0,
     )  # fmt: skip
-    force_limit: float = parameter(10.0, "control follow: largest grip that is commanded", unit="N", gt=0.0)
-    command_rate: float = parameter(100.0, "control follow: largest change of the command", unit="N/s", gt=0.0)
-    margin: float = parameter(0.8, "control follow: share of the friction that the load may take", gt=0.0, le=1.0)
+    cap: float = parameter(
+        10.0, "control follow: largest grip, what object and gripper stand; the path is planned for it", unit="N",
+        gt=0.0,
+    )  # fmt: skip
+    least_force: float = parameter(0.0, "control follow: least force of the gripper", unit="N", ge=0.0)
+    error_force: float = parameter(
+        0.0, "control follow: by how much the force may be less than commanded, for the gripper's steps and friction",
+        unit="N", ge=0.0,
+    )  # fmt: skip
+    risk: float = parameter(
+        3e-3, "control follow: probability that friction carries less than the grip counts on", gt=0.0, lt=0.5
+    )

@@ -1,0 +1,282 @@
+"""The belief about friction: how likely each friction limit is, with the object sticking and with it sliding.
+
+Hypothesis i: friction carries r_i F, with F what is configured at the present grip. A hidden Markov model of two modes
+for each: a_i = P(r_i, sticks), b_i = P(r_i, slides). A cycle compares the load l of the wrench with the load p that
+the motion needs, each sample of the slip sensor counts at its own stamp, and the risk quantile of what the contact
+still carries, a_i at r_i and b_i at k r_i, tells how hard to squeeze.
+
+    p = mean l + s (d - mean d),   d: load of the commanded acceleration,   s: regression of the changes
+
+p follows the wrench only as far as the object sticks: in a slip the measured load falls with friction, and a squeeze
+that followed it down would end the grasp. A wrong mass is in s, a wrong centre of mass in the means.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Final, NamedTuple
+
+from slip_core.arrays import Array
+from slip_core.compiled import part
+from slip_core.records import Real, Record, Vec6, Whole, WholeArray, dtype_of
+from slip_core.vectors import ZERO, Spatial, Vec, put_spatial, spatial
+
+RATIOS: Final = 48
+"""Hypotheses, evenly on a logarithmic scale."""
+PAST: Final = 80
+"""Times in the past at which it is kept how likely each hypothesis slid, for samples that come late."""
+
+
+LEAST_LIKELIHOOD: Final = 0.02
+"""One reading never excludes a mode."""
+SLIDES: Final = 0.5
+"""P(slides) from which the object slides for all others."""
+
+
+class Tuning(NamedTuple):
+    """What the belief assumes. Shares are of a load, of friction or of a probability."""
+
+    least_ratio: float = 0.25  # r of the first hypothesis
+    step: float = 0.049  # of log r, to 2.5
+    slides_cells: int = 2  # k = exp(-2 step) = 0.907, friction of what slides over friction of what sticks
+    spread: float = 0.25  # standard deviation of log r at first
+    diffusion: float = 0.05  # of log r, after one second: friction changes
+    change_rate: float = 1e-3  # 1/s, of a sudden change: back to the prior
+    mean_s: float = 0.04  # T, of the means of loads
+    scale_s: float = 1.0  # memory of the regression
+    known_scale: float = 0.1  # of friction: changes of the load that teach it as much as is configured
+    least_scale: float = 0.5
+    most_scale: float = 1.6
+    wrench_s: float = 0.01  # mean of the wrench, before its size is taken; it counts once in this time
+    model_error: float = 0.3  # of a change of the load
+    load_error: float = 0.03  # of the load
+    edge: float = 0.02  # of friction, over which it ends
+    sliding_error: float = 0.07  # of friction while it slides
+    transition: float = 0.04  # of friction, over which a slip becomes likely
+    onset_s: float = 0.005  # of a slip where the load is too large
+    onset_rate: float = 1e-3  # 1/s, where nothing says so
+    ends_s: float = 0.02  # of a slip where the load is small
+    fast: float = 0.02  # m/s, typical slip speed: a band that is wider says little
+    least_band: float = 0.05  # likelihood of reading no slip while it slides
+    most_band: float = 0.5
+    outlier: float = 0.03  # likelihood of reading a slip where there is none
+    past_s: float = 0.004  # between two times that are kept
+    noise_s: float = 0.1  # in which the noise of the load is found
+    least_noise: float = 5e-3  # of friction
+    first_noise: float = 0.03  # of friction
+
+
+BELIEF_TUNING: Final = Tuning()
+_SQRT_HALF: Final = math.sqrt(0.5)
+_OF_DIFFERENCE: Final = 1.0 / 0.954
+"""Standard deviation of noise over the median of the difference of two readings."""
+
+
+class Belief(Record):
+    """P(r_i, sticks) and P(r_i, slides), and what is remembered of the loads."""
+
+    sticks: Annotated[Array, RATIOS]
+    slides: Annotated[Array, RATIOS]
+    measured: Real  # N, mean l
+    commanded: Real  # N, mean d
+    load: Vec6  # N, mean of the load of the wrench over wrench_s, on pad axes
+    carried: Real  # N, l, its size
+    drawn: Real  # N, mean of d over wrench_s
+    last: Real  # N, size of the load of the cycle before
+    noise: Real  # N, standard deviation of l
+    square: Real  # N^2, mean square of the changes of d
+    product: Real  # N^2, mean product of those of d and l
+    needed: Real  # N, p
+    count: Whole  # times that are kept
+    stamps: Annotated[WholeArray, PAST]  # of them
+    past: Annotated[Array, (PAST, RATIOS)]  # P(slides | r_i) then
+
+
+BELIEF = dtype_of(Belief)
+
+
+@part
+def ratio(i: int) -> float:
+    """Return r_i."""
+    return BELIEF_TUNING.least_ratio * math.exp(i * BELIEF_TUNING.step)
+
+
+@part
+def below(x: float) -> float:
+    """Return the standard normal distribution function."""
+    return 0.5 * (1.0 + math.erf(x * _SQRT_HALF))
+
+
+@part
+def prior(i: int) -> float:
+    """Return the probability of a hypothesis at first, not normalised."""
+    z = math.log(ratio(i)) / BELIEF_TUNING.spread
+    return math.exp(-0.5 * z * z)
+
+
+@part
+def start_belief(state: Belief, load: float, F: float) -> None:
+    """Begin at rest with a load [N]; F: friction as configured at this grip [N]."""
+    total = 0.0
+    for i in range(RATIOS):
+        total += prior(i)
+    for i in range(RATIOS):
+        state.sticks[i], state.slides[i] = prior(i) / total, 0.0
+    state.measured = state.commanded = state.drawn = state.carried = state.last = state.needed = load
+    put_spatial(state.load, Spatial(Vec(load, 0.0, 0.0), ZERO))
+    state.noise, state.square, state.product, state.count = BELIEF_TUNING.first_noise * F, 0.0, 0.0, 0
+
+
+@part
+def sliding(state: Belief) -> float:
+    """Return P(slides)."""
+    total = 0.0
+    for i in range(RATIOS):
+        total += state.slides[i]
+    return total
+
+
+@part
+def model_load(state: Belief, load: Spatial, d: float, F: float, dt: float) -> tuple[float, float]:
+    """Take in the loads of a cycle; return p without the newest changes, and how far d is from its mean [N].
+
+    Args:
+        state: changed.
+        load: of the wrench, on pad axes [N].
+        d: load of the commanded acceleration [N].
+        F: friction as configured at the present grip [N].
+        dt: since the cycle before [s].
+    """
+    t, stuck = BELIEF_TUNING, 1.0 - sliding(state)
+    stuck = stuck if stuck > SLIDES else 0.0
+    size, share = math.sqrt(load.dot(load)), 1.0 - math.exp(-dt / t.wrench_s)
+    step = abs(size - state.last) * math.sqrt(0.5 * share)
+    if stuck > 0.0 and step > 0.0:  # a wrench that is repeated has no noise
+        grows = step * _OF_DIFFERENCE > state.noise
+        state.noise = max(state.noise * (1.0 + (dt if grows else -dt) / t.noise_s), t.least_noise * F)
+    state.last, mean = size, spatial(state.load)
+    mean = mean + share * (load - mean)
+    put_spatial(state.load, mean)
+    state.carried = math.sqrt(mean.dot(mean))
+    state.drawn += share * (d - state.drawn)
+    x, y = state.drawn - state.commanded, state.carried - state.measured
+    share = stuck * dt / t.scale_s
+    state.square += share * (x * x - state.square)
+    state.product += share * (x * y - state.product)
+    c = state.noise * state.noise + (t.known_scale * F) ** 2
+    s = min(max((state.product + c) / (state.square + c), t.least_scale), t.most_scale)
+    share = stuck * (1.0 - math.exp(-dt / t.mean_s))
+    state.measured += share * (state.carried - state.measured)
+    state.commanded += share * (state.drawn - state.commanded)
+    state.needed = state.measured + s * (d - state.commanded)
+    return state.measured + s * (state.drawn - state.commanded), x
+
+
+@part
+def see_load(state: Belief, load: Spatial, d: float, F: float, dt: float) -> None:
+    """Take in the loads of a cycle; arguments as in `model_load`.
+
+    Implements: ours: the forward step of the hidden Markov model, then the likelihoods of l to the power dt / wrench_s.
+    """
+    t, k, floor = BELIEF_TUNING, math.exp(-BELIEF_TUNING.slides_cells * BELIEF_TUNING.step), math.log(LEAST_LIKELIHOOD)
+    p, change = model_load(state, load, d, F, dt)
+    carried, noise = state.carried, state.noise
+    power = min(dt / t.wrench_s, 1.0)
+    variance = noise * noise + (t.model_error * change) ** 2 + (t.load_error * carried) ** 2
+    fits = -0.5 * (carried - p) ** 2 / variance
+    for i in range(RATIOS):
+        F_i = ratio(i) * F
+        x = t.transition * F_i + noise
+        on = min(dt / t.onset_s * below((max(carried, p) - F_i) / x - 1.0) + t.onset_rate * dt, 1.0)
+        off = min(dt / t.ends_s * below((k * F_i - p) / x + 1.0), 1.0)
+        a, b = state.sticks[i], state.slides[i]
+        holds = min(2.0 * below((F_i - carried) / math.hypot(noise, t.edge * F_i)), 1.0)
+        by_sticking = max(fits + math.log(max(holds, LEAST_LIKELIHOOD)), floor)
+        by_sliding = max(-0.5 * (carried - k * F_i) ** 2 / (noise * noise + (t.sliding_error * F_i) ** 2), floor)
+        state.sticks[i] = ((1.0 - on) * a + off * b) * math.exp(power * by_sticking)
+        state.slides[i] = ((1.0 - off) * b + on * a) * math.exp(power * by_sliding)
+    change_friction(state, dt)
+
+
+@part
+def change_friction(state: Belief, dt: float) -> None:
+    """Let friction change: it diffuses, or is another one suddenly; and normalise."""
+    t, total, priors = BELIEF_TUNING, 0.0, 0.0
+    for i in range(RATIOS):
+        total += state.sticks[i] + state.slides[i]
+        priors += prior(i)
+    moves = 0.5 * dt * (t.diffusion / t.step) ** 2  # to each neighbour
+    renewed = t.change_rate * dt
+    sticks_before, slides_before = state.sticks[0], state.slides[0]
+    for i in range(RATIOS):
+        a, b, after = state.sticks[i], state.slides[i], min(i + 1, RATIOS - 1)
+        a_new = a + moves * (sticks_before + state.sticks[after] - 2.0 * a)
+        b_new = b + moves * (slides_before + state.slides[after] - 2.0 * b)
+        sticks_before, slides_before = a, b
+        state.sticks[i] = (1.0 - renewed) * a_new / total + renewed * prior(i) / priors
+        state.slides[i] = (1.0 - renewed) * b_new / total
+
+
+@part
+def keep_past(state: Belief, stamp_ns: int) -> None:
+    """Keep how likely each hypothesis slides now, where the last time that is kept is old enough."""
+    newest = (state.count - 1) % PAST
+    if state.count > 0 and stamp_ns - state.stamps[newest] < 1e9 * BELIEF_TUNING.past_s:
+        return
+    place = state.count % PAST
+    state.stamps[place] = stamp_ns
+    for i in range(RATIOS):
+        state.past[place, i] = conditional(state, i)
+    state.count += 1
+
+
+@part
+def conditional(state: Belief, i: int) -> float:
+    """Return P(slides | r_i)."""
+    total = state.sticks[i] + state.slides[i]
+    return float(state.slides[i] / total) if total > 0.0 else 0.0
+
+
+@part
+def see_slip(state: Belief, stamp_ns: int, speed: float, band: float) -> None:
+    """Take in a slip sample, at its own stamp: what it changes there is carried to now.
+
+    Args:
+        state: changed.
+        stamp_ns: when it was measured.
+        speed: |S v_s| [m/s], of a flag infinite or 0.
+        band: speed that counts as slip [m/s].
+    """
+    if state.count == 0:
+        return
+    t, first = BELIEF_TUNING, state.count - 1
+    while first > max(state.count - PAST, 0) and state.stamps[first % PAST] > stamp_ns:
+        first -= 1
+    reads = speed > band
+    L_slides = 1.0 if reads else min(max(band / t.fast, t.least_band), t.most_band)
+    L_sticks = t.outlier if reads else 1.0
+    total = 0.0
+    for i in range(RATIOS):
+        q = state.past[first % PAST, i]
+        weight = q * L_slides + (1.0 - q) * L_sticks
+        change = q * L_slides / weight - q
+        for k in range(first, state.count):
+            state.past[k % PAST, i] = min(max(state.past[k % PAST, i] + change, 0.0), 1.0)
+        both, now = weight * (state.sticks[i] + state.slides[i]), min(max(conditional(state, i) + change, 0.0), 1.0)
+        state.slides[i], state.sticks[i] = now * both, (1.0 - now) * both
+        total += both
+    for i in range(RATIOS):
+        state.slides[i] /= total
+        state.sticks[i] /= total
+
+
+@part
+def certain_share(state: Belief, risk: float) -> float:
+    """Return which share of the configured limit friction carries but for a risk: a quantile of both modes."""
+    lag, total = BELIEF_TUNING.slides_cells, 0.0
+    for j in range(-lag, RATIOS):
+        mass = (state.sticks[j] if j >= 0 else 0.0) + (state.slides[j + lag] if j + lag < RATIOS else 0.0)
+        if total + mass >= risk:
+            return BELIEF_TUNING.least_ratio * math.exp((j - 0.5 + (risk - total) / mass) * BELIEF_TUNING.step)
+        total += mass
+    return ratio(RATIOS - 1)
