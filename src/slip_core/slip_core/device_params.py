@@ -127,3 +127,4 @@ class GripperModel(ParameterModel):
     lag_s: float = parameter(
         0.0, "time constant with which the grip force follows its command; 0 = at once", unit="s", ge=0.0
     )
+    least_force: float = parameter(0.0, "least force that the gripper can hold with", unit="N", ge=0.0)

@@ -1,4 +1,4 @@
-"""The simulated gripper: its force follows what is commanded, with a lag of first order."""
+"""The simulated gripper: its force follows what is commanded, in steps, over friction, and with a lag."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ LARGEST = range_of("N")[1]
 
 
 class Gripper:
-    """Force of the grip, sum over both pads [N]; without lag it is what is commanded, to the last bit.
+    """Force of the grip, sum over both pads [N]; of an ideal gripper it is what is commanded, to the last bit.
+
+    The command is rounded to the gripper's steps, and is at least its least force. Friction of the fingers is a play:
+    the force stays while the command is within the hysteresis of it.
 
     Args:
         params: of the grip.
@@ -21,7 +24,8 @@ class Gripper:
 
     def __init__(self, params: GripParams, period_s: float) -> None:
         self._share = 1.0 - math.exp(-period_s / params.lag_s) if params.lag_s > 0.0 else 1.0
-        self.put(params.force)
+        self._params = params
+        self.put(max(params.force, params.least_force))
 
     def put(self, force: float) -> None:
         """Let it hold with a force, at once [N]."""
@@ -35,11 +39,14 @@ class Gripper:
         """
         if not 0.0 <= force <= LARGEST:
             raise InputError("grip force", got=force, expected=f"a number from 0 to {LARGEST:g} N")
-        self._commanded = float(force)
+        quantum = self._params.quantum
+        rounded = round(force / quantum) * quantum if quantum > 0.0 else float(force)
+        self._commanded = max(rounded, self._params.least_force)
 
     def step(self) -> float:
         """Follow the command for one control period and return the force [N]."""
-        if self.force != self._commanded:
-            late = self._share < 1.0
-            self.force = self.force + self._share * (self._commanded - self.force) if late else self._commanded
+        play = self._params.hysteresis
+        wanted = min(max(self.force, self._commanded - play), self._commanded + play)
+        if self.force != wanted:
+            self.force = self.force + self._share * (wanted - self.force) if self._share < 1.0 else wanted
         return self.force

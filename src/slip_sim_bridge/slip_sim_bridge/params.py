@@ -36,6 +36,11 @@ class GripParams(GripperModel):
         runtime=True,
         ge=0.0,
     )
+    quantum: float = parameter(0.0, "step of the force; 0 = none", unit="N", ge=0.0)
+    hysteresis: float = parameter(
+        0.0, "friction of the fingers: so much more or less than the force has to be commanded before it changes",
+        unit="N", ge=0.0,
+    )  # fmt: skip
     pad_size: tuple[Positive, Positive] = parameter(
         (0.2, 0.2),
         "size of the pad along its x and y: an object whose gripped point has slid over the edge is lost, and falls",

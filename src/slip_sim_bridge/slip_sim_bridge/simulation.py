@@ -25,12 +25,14 @@ from slip_sim_bridge.plant.model import UrdfJoints, urdf_joints
 class Readings(NamedTuple):
     """The true samples of one arm at one stamp: joints, wrench h_ee and slip velocity on {ee} axes; the object.
 
-    numbers, read: all numbers of the stamp in one read-only array, and by name as `read_out` has them.
+    grip: force of the gripper, sum over both pads [N]; numbers, read: all numbers of the stamp in one read-only array,
+    and by name as `read_out` has them.
     """
 
     joint: JointSample
     wrench: WrenchSample
     slip: SlipSample
+    grip: float
     numbers: Array
     read: Any
 
@@ -273,6 +275,7 @@ class Simulation:
             JointSample(stamp_ns, read.position, read.velocity, self.arms[arm].applied),
             WrenchSample(stamp_ns, read.wrench),
             SlipSample(stamp_ns, read.slip_velocity),
+            self.arms[arm].gripper.force,
             numbers,
             read,
         )

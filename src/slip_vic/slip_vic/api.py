@@ -18,6 +18,7 @@ def load(
     law: Law = "governed",
     sensor: str | Path = "",
     drive: str | Path = "",
+    gripper: str | Path = "",
     seed: int = 0,
     mode: Mode = "lockstep",
     set: Sequence[str] | Mapping[str, Any] = (),
@@ -33,9 +34,10 @@ def load(
 
     Args:
         name_or_file: see `scenario_names()`, or a YAML file.
-        law: classical, vic or governed.
+        law: classical, vic, governed or governed_follow.
         sensor: slip sensor, see `preset_names("sensors")`, or a YAML file; empty: the scenario's own.
         drive: the arm's drives and encoders, see `preset_names("drives")`, or a YAML file; empty: ideal.
+        gripper: see `preset_names("grippers")`, or a YAML file; empty: ideal.
         seed: of the sensors' noise.
         mode: lockstep, or realtime for nodes.
         set: overrides, as on the command line or as a mapping: ["object.mass=0.6"], {"controller.gains.k_s": 500}.
@@ -48,7 +50,7 @@ def load(
     from slip_vic.scenarios.scenario import load_scenario
 
     return load_scenario(
-        str(name_or_file), law=law, mode=mode, seed=seed, sensor=str(sensor), drive=str(drive),
+        str(name_or_file), law=law, mode=mode, seed=seed, sensor=str(sensor), drive=str(drive), gripper=str(gripper),
         assignments=set, urdf=urdf, parameters=parameters,
     )  # fmt: skip
 

@@ -40,7 +40,7 @@ def cli() -> None:
 
 
 @cli.command()
-@choosing("scenario", "law", "mode", "seed", "sensor", "drive", "parameters", "assignments", "urdf")
+@choosing("scenario", "law", "mode", "seed", "sensor", "drive", "gripper", "parameters", "assignments", "urdf")
 @click.option("--record", type=click.Path(path_type=Path), help="record a bag into this new folder")
 @click.option("--namespace", default="", help="ROS namespace of all nodes")
 @DOMAIN_ID
@@ -158,7 +158,7 @@ def summary_lines(run: Run) -> Iterator[str]:
 
 
 @cli.command()
-@choosing("scenario", "seed", "sensor", "drive", "parameters", "assignments", "urdf")
+@choosing("scenario", "seed", "sensor", "drive", "gripper", "parameters", "assignments", "urdf")
 @out_option("out", "output folder")
 @IN_PROCESS
 @DOMAIN_ID

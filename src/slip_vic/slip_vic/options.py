@@ -15,7 +15,7 @@ import click
 from slip_core.files.resources import add_package
 from slip_vic.presets import find_preset
 
-ALL_LAWS: Final = ("classical", "vic", "governed", "printed")
+ALL_LAWS: Final = ("classical", "vic", "governed", "governed_follow", "printed")
 Choice = dict[str, Any]
 """The scenario that a command line chooses: arguments of `load_scenario`."""
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
@@ -29,7 +29,7 @@ def names(text: str) -> tuple[str, ...]:
 def _law(name: str) -> None:
     """Check a law; a foreign one, or one with a changed parameter, where that is loaded anyway."""
     base = name.partition("?")[0]
-    if base in (*ALL_LAWS, "governed_follow"):
+    if base in ALL_LAWS:
         return
     from slip_vic.experiments.law import find_law
 
@@ -73,6 +73,7 @@ SCENARIOS: Final = _preset("scenario", "names or .yaml files, comma separated; d
 SENSOR: Final = _preset("sensor", "name or .yaml file of a slip sensor")
 SENSORS: Final = _preset("sensor", "names or .yaml files, comma separated; default all", many=True)
 DRIVE: Final = _preset("drive", "name or .yaml file of the arm's drives")
+GRIPPER: Final = _preset("gripper", "name or .yaml file of a gripper")
 DRIVES: Final = _preset("drive", "names or .yaml files, comma separated", many=True)
 LAWS_OPTION: Final = click.option(
     "--law", "laws", default="classical,vic,governed", show_default=True, callback=_checked(_law, many=True),
@@ -104,6 +105,7 @@ _OF_CHOICE: Final[Mapping[str, Decorator]] = {
     ),
     "sensor": SENSOR,
     "drive": DRIVE,
+    "gripper": GRIPPER,
     "parameters": click.option(
         "--params",
         "parameters",

@@ -14,12 +14,9 @@ from slip_core.types import CartesianReference
 from slip_sim_bridge.internal import internal_wrenches
 from slip_vic.run.in_process import ClosedLoop, Tick, run_in_process
 from slip_vic.scenarios.scenario import LAWS, Scenario, load_scenario
-from slip_vic_controller.cycle.contact import agree_on_friction
 from slip_vic_controller.law.bounds import internal_gain_limit
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.session.controller import Controller
-from slip_vic_controller.state import ARM_SIZE, TASK_SIZE
-from test.support.call import call
 
 UPRIGHT, FLAT = "pane_two_arms_upright", "pane_two_arms_flat"
 SOON = ("controller.trajectory.start_s=0.0",)
@@ -158,18 +155,6 @@ def test_weaker_pad_governs_both() -> None:
             assert left.load_commanded <= 5.5
     assert slowed
     assert max(slipped(loop)) == 0.0
-
-
-def test_weakest_grip_governs_both() -> None:
-    loop = ClosedLoop(load_scenario(UPRIGHT, law="governed", assignments=SOON))
-    list(ticks(loop, 5))
-    session = loop.session
-    states = session.buffer[TASK_SIZE : TASK_SIZE + 2 * ARM_SIZE]
-    for grips in ((0.9, 0.6), (0.7, 0.8)):
-        for arm, grip in zip(session.arms, grips, strict=True):
-            arm.state.pad.grip = grip
-        call(agree_on_friction, session.arms[0].config, session.task, states)
-        assert session.task.governor.grip == min(grips)
 
 
 def test_slip_is_shared() -> None:

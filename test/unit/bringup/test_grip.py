@@ -1,4 +1,4 @@
-"""Grip as a second output: it follows the path ahead, the gripper follows it, and nothing slips at full speed."""
+"""Grip as a second output: it holds what the load needs, the gripper follows it, and nothing slips at full speed."""
 
 from __future__ import annotations
 
@@ -8,47 +8,59 @@ import numpy as np
 import pytest
 
 from slip_core.errors import InputError
+from slip_core.records import dtype_of, new, record
 from slip_sim_bridge.gripper import Gripper
 from slip_sim_bridge.params import GripParams
+from slip_vic.presets import preset_names
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load_scenario
+from slip_vic_controller.governor.grip import SINKS_S, Grip, GripConfig, squeeze
 from slip_vic_controller.safety.modes import Mode
+from test.support.call import call
 
 LAG_S = 0.1
-FOLLOW = ("grip.control=follow", f"grip.lag_s={LAG_S}", "controller.governor.margin=0.95")
 SLIP_M = 4e-4
 
 
 def run(scenario: str, *assignments: str, seconds: float):
-    """Return the largest slip [m], the last result, grips (commanded, taken, true) [N] and loads over friction."""
-    loaded = load_scenario(
-        scenario, law="governed", assignments=(*FOLLOW, *assignments, f"bridge.duration_s={seconds}")
-    )
-    loop, slip, grips, loads = ClosedLoop(loaded), 0.0, [], []
+    """Return the largest slip [m], the last result and grips (commanded, taken, true) [N]."""
+    loaded = load_scenario(scenario, law="governed_follow", assignments=(*assignments, f"bridge.duration_s={seconds}"))
+    loop, slip, grips = ClosedLoop(loaded), 0.0, []
     while not loop.bridge.finished:
         outputs = loop.observe()
         result = loop.control(outputs)
-        governor = result.record.governor
         slip = max(slip, float(np.linalg.norm(outputs.truth.slip_displacement[:3])))
-        grips.append((result.grip, float(governor.grip_force), loop.bridge.simulation.arms[0].gripper.force))
-        loads.append(float(governor.load_ratio))
+        grips.append((result.grip, float(result.record.governor.grip_force), outputs.arms[0].readings.grip))
         loop.bridge.advance([result.command])
         loop.bridge.simulation.set_grip_force(0, result.grip)
-    return slip, result, np.array(grips), np.array(loads)
+    return slip, result, np.array(grips)
 
 
 def test_grip_follows_a_heavy_path() -> None:
     """Governed alone it is refused with this margin."""
-    slip, result, grips, loads = run("vertical_plane", seconds=0.85)
-    governor = result.record.governor
+    slip, result, grips = run("vertical_plane", f"grip.lag_s={LAG_S}", "controller.governor.margin=0.95", seconds=0.85)
     assert slip < SLIP_M
     assert result.mode == Mode.ACTIVE, result.reason
-    assert governor.path_s == pytest.approx(0.8, abs=1e-12), "it does not arrive when it was asked to"
-    assert loads.max() <= 1.0 + 1e-9
-    assert 1.0 < grips[:, 2].max() / grips[0, 2] < 3.0
+    assert result.record.governor.path_s == pytest.approx(0.8, abs=1e-12), "it does not arrive when it was asked to"
     # The controller's gripper is the bridge's, a tick later.
     assert np.abs(grips[1:, 1] - grips[:-1, 2]).max() < 0.02 * grips[0, 2]
     assert result.scalars()["grip_command"] == result.grip
+
+
+def test_squeeze_rises_at_once_sinks_slowly_and_only_rises_in_a_slip() -> None:
+    config, grip = (record(new(layout), layout) for layout in map(dtype_of, (GripConfig, Grip)))
+    config.cap, config.least_force, config.error_force, grip.command = 10.0, 0.5, 0.1, 1.0
+    for needed, slides, expected in (
+        (3.0, False, 3.1),
+        (1.0, False, 1.1 + 2.0 * math.exp(-1e-3 / SINKS_S)),
+        (1.0, True, (1.1 + 2.0 * math.exp(-1e-3 / SINKS_S)) * math.exp(1e-3 / SINKS_S)),
+        (50.0, True, 10.0),
+    ):
+        call(squeeze, config, grip, needed, slides, 1e-3)
+        assert grip.command == pytest.approx(expected, rel=1e-12)
+    for _ in range(1000):
+        call(squeeze, config, grip, 0.0, False, 1e-3)
+    assert grip.command == pytest.approx(0.5, abs=1e-9), "never below the least force"
 
 
 def test_gripper_has_a_lag() -> None:
@@ -64,8 +76,25 @@ def test_gripper_has_a_lag() -> None:
         gripper.command(-1.0)
 
 
+def test_gripper_has_steps_friction_and_a_least_force() -> None:
+    gripper, found = Gripper(GripParams(force=0.1, least_force=0.5, quantum=0.2, hysteresis=0.3), 1e-3), []
+    for commanded in (0.1, 2.09, 2.35, 1.75, 1.31):
+        gripper.command(commanded)
+        found.append(gripper.step())
+    assert found == pytest.approx([0.5, 1.7, 2.1, 2.1, 1.7])
+
+
+@pytest.mark.parametrize("gripper", preset_names("grippers"))
+def test_preset_is_known_to_both_sides(gripper: str) -> None:
+    loaded = load_scenario("paper_planar", law="governed_follow", gripper=gripper)
+    simulated, known = loaded.bridge.grip, loaded.controller.grip
+    assert (simulated.lag_s, simulated.least_force) == (known.lag_s, known.least_force)
+    assert known.error_force >= simulated.hysteresis + 0.5 * simulated.quantum - 1e-9
+    assert known.cap > known.least_force
+
+
 def test_following_grip_needs_a_path() -> None:
     with pytest.raises(InputError, match=r"grip\.control follow needs a path"):
         load_scenario("paper_planar", assignments=("controller.grip.control=follow",))
-    with pytest.raises(InputError, match="force_limit"):
-        load_scenario("paper_planar", law="governed", assignments=(*FOLLOW, "controller.grip.force_limit=0.1"))
+    with pytest.raises(InputError, match=r"grip\.cap"):
+        load_scenario("paper_planar", law="governed_follow", assignments=("controller.grip.cap=0.1",))

@@ -90,6 +90,7 @@ OWN = {  # layers inside a package: what of the own package a part may import
         f"slip_vic_controller.{part}"
         for part in (
             "governor",
+            "contact.belief",
             "contact.estimate",
             "contact.friction_estimate",
             "contact.wrench_evidence",

@@ -114,7 +114,7 @@ def study(
 
 
 @click.command()
-@choosing("scenario", "parameters", "sensor", "drive", "law", "assignments", "urdf")
+@choosing("scenario", "parameters", "sensor", "drive", "gripper", "law", "assignments", "urdf")
 @mismatches_option("all")
 def check(*, choice: Choice, mismatches: tuple[str, ...]) -> None:
     """Check what will hold before anything moves: gains, arm, path, and worlds that differ from the configured one.

@@ -1,4 +1,4 @@
-"""The benchmark: the suite carry-2026.1, a law in its worlds, and results that are verified and compared."""
+"""The benchmark: the suite carry-2026.2, a law in its worlds, and results that are verified and compared."""
 
 from __future__ import annotations
 
@@ -21,11 +21,13 @@ from slip_vic.experiments.world import Key, Track, World, frozen_worlds
 from slip_vic.run.prepare import prepare
 from slip_vic.run.versions import versions
 
-SUITE: Final = "carry-2026.1"
+SUITE: Final = "carry-2026.2"
 COUNTS: Final = {1: 300, 2: 60}
 """Worlds with so many arms."""
 DIGEST: Final = "8e44fee3abe2ed8c"
 """Of the digests of all worlds."""
+CLOCK: Final = 2.0
+"""How many times the fastest slip-free time of its world a run lasts."""
 SAMPLE: Final = 10
 """Worlds that `verify_result` runs again."""
 TRACKS: Final[tuple[Track, ...]] = ("capped", "free")
@@ -33,11 +35,12 @@ TRACKS: Final[tuple[Track, ...]] = ("capped", "free")
 
 @functools.cache
 def _stored() -> tuple[World, ...]:
-    """Return all worlds, as they were drawn when the suite was frozen.
+    """Return the worlds of both tracks, as tools/freeze_suite.py has frozen them.
 
-    Of one arm every second one has drives, joints and sensors with all troubles at once. A world in which friction does
-    not carry the weight at rest was not taken. Runs last 2 s longer than the path as given, and laws of this project
-    read their sensors at rest for 0.3 s first.
+    Of one arm every second one has drives, joints and sensors with all troubles at once. On the free track every second
+    one has a gripper's preset, its forces scaled to the cap of 10 N. A run lasts CLOCK times the fastest time in which
+    the path, never faster than given, is carried without slip by the world's own friction; where there is none the
+    world is impossible. Of two arms it is the time of the path as given.
     """
     packed = resources.files("slip_vic.experiments").joinpath(f"{SUITE}.jsonl.gz").read_bytes()
     return tuple(frozen_worlds(json.loads(line) for line in gzip.decompress(packed).splitlines()))
@@ -45,8 +48,11 @@ def _stored() -> tuple[World, ...]:
 
 def worlds(track: Track, arms: int, count: int) -> list[World]:
     """Return the first worlds of a track."""
-    chosen = [world for world in _stored() if (world.set, world.arms) == (SUITE, arms)]
-    return [replace(world, track=track) for world in chosen[:count]]
+    chosen = [world for world in _stored() if (world.track, world.arms) == (track, arms)]
+    return [
+        replace(world, settings=(*world.settings, f"bridge.duration_s={CLOCK * world.fastest_s}"))
+        for world in chosen[:count]
+    ]
 
 
 def suite(law: FoundLaw, count: int, arms: Sequence[int] = tuple(COUNTS)) -> list[World]:

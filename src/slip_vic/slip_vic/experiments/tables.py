@@ -30,10 +30,12 @@ SHOWN: Final = (
     ("squeeze_mean_n", 1.0, "mean [N]"),
 )  # fmt: skip
 """Medians; where an object is not carried, slip and arrival are infinite. The picture has the first two."""
+BOUNDS: Final = (("arrival_s", "fastest_s", "x fastest"), ("squeeze_mean_n", "squeeze_least_n", "x least"))
+"""Medians of what a suite has a bound of, over that bound."""
 QUARTILES: Final = (0.25, 0.5, 0.75)
 OUTCOMES: Final = {
     "arrived": "#2a7f62", "late": "#9ccfb8", "short": "#e9c46a", "held": "#8c8c8c", "refused": "#4f4f4f",
-    "lost": "#c8553d",
+    "lost": "#c8553d", "impossible": "#e4e4e4",
 }  # fmt: skip
 """What becomes of a world, with its colour in the picture."""
 BASE: Final = "classical"
@@ -58,12 +60,15 @@ def _columns(rows: Sequence[Row]) -> list[str]:
 def lines_of(rows: Sequence[Row]) -> Iterator[dict[str, str]]:
     """Yield the cells of each line of the table by their column."""
     base = {_world(row): row for row in rows if row["law"] == BASE}
-    for key, group in grouped(rows).items():
-        count = [kind_of(row) for row in group].count
+    for key, every in grouped(rows).items():
+        group = [row for row in every if kind_of(row) != "impossible"]
+        count = [kind_of(row) for row in every].count
         line = dict(zip(_columns(rows), key, strict=True))
         line |= {"carried": f"{count('arrived') + count('late')}/{len(group)}", "lost": _lost(group)}
-        line |= {name: str(count(name)) for name in ("short", "late", "held", "refused")}
+        line |= {name: str(count(name)) for name in ("short", "late", "held", "refused", "impossible")}
         line |= {label: cell(median(values_of(group, metric) * scale)) for metric, scale, label in SHOWN}
+        if all(row["track"] for row in group):
+            line |= {label: cell(median(over(group, metric, bound))) for metric, bound, label in BOUNDS}
         if base:
             pairs = [(kind_of(base[_world(row)]), kind_of(row)) for row in group if _world(row) in base]
             alone = sum(before != "lost" and now == "lost" for before, now in pairs)
@@ -86,6 +91,11 @@ def values_of(rows: Sequence[Row], metric: str) -> Array:
     values = np.array([float(row[metric]) for row in rows])
     carried = np.array([kind_of(row) in CARRIED for row in rows])
     return np.where(np.isfinite(values) & (carried | metric.startswith("squeeze")), values, math.inf)
+
+
+def over(rows: Sequence[Row], metric: str, bound: str) -> Array:
+    """Return a metric over its bound."""
+    return values_of(rows, metric) / np.array([float(row[bound]) for row in rows])
 
 
 def median(values: Array) -> float:

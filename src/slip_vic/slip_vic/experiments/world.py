@@ -19,11 +19,10 @@ gripper can. "": none; the controller's laws then run as the controller, not thr
 
 
 class OwnLaw(NamedTuple):
-    """A law of the controller as `load_scenario` configures it; observer: of a sensor; more: further assignments."""
+    """A law of the controller as `load_scenario` configures it; observer: of a sensor."""
 
     law: Law
     observer: bool = True
-    more: tuple[str, ...] = ()
 
 
 OWN_LAWS: Final[Mapping[str, OwnLaw]] = {
@@ -31,7 +30,7 @@ OWN_LAWS: Final[Mapping[str, OwnLaw]] = {
     "printed": OwnLaw("printed", observer=False),
     "vic": OwnLaw("vic"),
     "governed": OwnLaw("governed"),
-    "governed_follow": OwnLaw("governed", more=("controller.grip.control=follow", "bridge.grip.control=follow")),
+    "governed_follow": OwnLaw("governed_follow"),
 }
 """Laws of the controller by their names. ``?parameter=value`` behind one changes a parameter of the controller,
 ``vic?slip_estimator=measured``."""
@@ -55,7 +54,8 @@ class World:
 
     set, number: the set it belongs to and its number there; scenario, sensor: names or files; seed: of the sensors'
     noise; settings: assignments to parameters of both nodes, in their order; arms: how many hold the object; track: see
-    `Track`; frozen: the digest that a set was published with; law: a name, `module:Class` or `file.py:Class`. For
+    `Track`; frozen: the digest that a set was published with; fastest_s: the fastest slip-free time that a suite has
+    found, infinite where there is none [s]; law: a name, `module:Class` or `file.py:Class`. For
     tables alone, because `settings` has what they do: motion, drive, mismatch.
     """
 
@@ -71,6 +71,7 @@ class World:
     mismatch: str = NO_MISMATCH
     track: Track = ""
     frozen: str = ""
+    fastest_s: float = 0.0
     law: str = ""
 
     @property
@@ -101,7 +102,7 @@ class World:
             law=own.law,
             sensor=self.sensor,
             seed=self.seed,
-            assignments=(*observer, *self.settings, *own.more, *changes, *more),
+            assignments=(*observer, *self.settings, *changes, *more),
         )
 
 

@@ -86,6 +86,7 @@ LAWS: Final = {
     "classical": "impedance control that follows the path and does not use the slip.",
     "vic": "the paper's law: stiffness fades with slip, and the pad follows the object until the slip is gone.",
     "governed": "the paper's law below a governor that slows the path before the pad slips.",
+    "governed_follow": "governed, and the gripper squeezes as little as the load ahead needs.",
 }
 
 

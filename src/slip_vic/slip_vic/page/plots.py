@@ -26,6 +26,7 @@ class Plot(NamedTuple):
 
 PLOTS: Final = (
     Plot("slip_mm", "slip displacement", "mm", note="how far the pad has moved on the object"),
+    Plot("grip_command", "squeeze", "N", note="as commanded, sum over both pads"),
     Plot("slip_deg", "slip angle", "deg", note="how far the object has turned under the pad"),
     Plot("slip_speed", "slip speed", "mm/s"),
     Plot("load", "load ratio", "", mark=1.0, note="measured load over friction limit; at 1 the pad begins to slip"),

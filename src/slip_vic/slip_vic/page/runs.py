@@ -71,7 +71,8 @@ def series_of(arm: ArmData) -> dict[str, Array]:
         values["slip_deg"] = np.degrees(np.linalg.norm(rows["slip"][:, 3:], axis=1))
     if "law" in rows:
         error, stiffness = arm.law_six("e"), arm.law_six("K")
-        values |= {name: rows["law"][:, arm.symbols.index(name)] for name in ("gate", "mode") if name in arm.symbols}
+        shown = [name for name in ("gate", "mode", "grip_command") if name in arm.symbols]
+        values |= {name: rows["law"][:, arm.symbols.index(name)] for name in shown}
         values |= {
             "error_mm": 1e3 * np.linalg.norm(error[:, :3], axis=1),
             "error_deg": np.degrees(np.linalg.norm(error[:, 3:], axis=1)),
@@ -94,7 +95,7 @@ def effort_limits_of(urdf: str, names: tuple[str, ...]) -> Array:
     return np.array([float(limit.get("effort", 0.0)) or np.inf if limit is not None else np.inf for limit in found])
 
 
-COLOURS: Final = {"classical": 0, "vic": 1, "governed": 2}
+COLOURS: Final = {"classical": 0, "vic": 1, "governed": 2, "governed_follow": 3}
 
 
 def colours(labels: Sequence[str]) -> list[int]:

@@ -1,4 +1,4 @@
-"""What comes with the package by name, as YAML files: scenarios, slip sensors and drives, or a file of one's own.
+"""What comes with the package by name, as YAML files: scenarios, sensors, drives and grippers, or one's own file.
 
 Names and texts are read here without anything heavy, so that a mistyped name is answered at once.
 """
@@ -22,7 +22,7 @@ def _folder(kind: str) -> Traversable:
 
 
 def preset_names(kind: str) -> list[str]:
-    """Return the names that come with the package, sorted; kind: scenarios, sensors or drives."""
+    """Return the names that come with the package, sorted; kind: scenarios, sensors, drives or grippers."""
     names = (entry.name for entry in _folder(kind).iterdir())
     return sorted(name.removesuffix(_SUFFIX) for name in names if name.endswith(_SUFFIX))
 

@@ -1,4 +1,4 @@
-"""What a preset's file holds: a slip sensor or an arm's drives, with the controller settings that suit it."""
+"""What a preset's file holds: slip sensor, drives or gripper, with the controller settings that suit it."""
 
 from __future__ import annotations
 
@@ -37,6 +37,12 @@ class DrivePreset(Preset):
     joint: JointSensorParams = JointSensorParams()
 
 
+class GripperPreset(Preset):
+    """A gripper: values of ``grip``; forces are the sum over both pads."""
+
+    grip: dict[str, float] = Field(default_factory=dict)
+
+
 Kind = TypeVar("Kind", bound=Preset)
 
 
@@ -52,6 +58,11 @@ def load_sensor(name_or_path: str) -> SensorPreset:
 def load_drive(name_or_path: str) -> DrivePreset:
     """Read drives by name or from a YAML file, as `load_sensor` does."""
     return _load(DrivePreset, "drive", name_or_path)
+
+
+def load_gripper(name_or_path: str) -> GripperPreset:
+    """Read a gripper by name or from a YAML file, as `load_sensor` does."""
+    return _load(GripperPreset, "gripper", name_or_path)
 
 
 def _load(model: type[Kind], kind: str, name_or_path: str) -> Kind:

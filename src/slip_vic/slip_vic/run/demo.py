@@ -1,4 +1,4 @@
-"""The demo: one scenario under classical, variable and governed impedance: table, summary, page."""
+"""The demo: one scenario under four laws: table, summary, page."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from slip_vic.run.versions import versions
 from slip_vic.scenarios.scenario import GOVERNED, Law, Scenario, load_scenario, read_parameters
 
 Numbers = dict[str, Any]
-ORDER: tuple[Law, ...] = ("classical", "vic", "governed")
+ORDER: tuple[Law, ...] = ("classical", "vic", "governed", "governed_follow")
 
 
 def run_demo(

@@ -29,8 +29,8 @@ def summarise(run: ArmData) -> dict[str, float]:
     speed. off_path_m, attitude_excursion_rad and tracking_rms_*: the largest and the root mean square pose error e of
     the law. final_error_*: how far the pad ends from its goal. arrival_s: from when on it stays within 1 mm and 0.5
     degrees of its goal; NaN where it does not.
-    effort_rate_rms: of the norm of the change of all efforts from tick to tick. What the law reports is NaN where it
-    was never at work.
+    squeeze_*: as commanded. effort_rate_rms: of the norm of the change of all efforts from tick to tick. What the law
+    reports is NaN where it was never at work.
     """
     slip, slip_velocity = run.channel("slip").rows, run.channel("slip_velocity").rows
     linear = np.linalg.norm(slip[:, :3], axis=1)
@@ -40,6 +40,9 @@ def summarise(run: ArmData) -> dict[str, float]:
     if not len(evaluated):
         evaluated = np.full((1, 6), np.nan)
     rms = np.sqrt(np.mean(evaluated**2, axis=0))
+    symbols = run.channel("law").rows
+    squeeze = symbols[:, run.symbols.index("grip_command")] if "grip_command" in run.symbols else symbols[:, 0] * np.nan
+    squeeze = squeeze[np.isfinite(squeeze)] if np.isfinite(squeeze).any() else np.array([np.nan])
     end = [float(part[-1]) if len(part) else math.nan for part in off_goal(run)[1:]]
     return {
         "slip_linear_m": float(linear[-1]),
@@ -53,6 +56,8 @@ def summarise(run: ArmData) -> dict[str, float]:
         "arrival_s": arrival_s(run),
         "off_path_m": float(np.linalg.norm(evaluated[:, :3], axis=1).max()),
         "attitude_excursion_rad": float(np.linalg.norm(evaluated[:, 3:], axis=1).max()),
+        "squeeze_mean_n": float(squeeze.mean()),
+        "squeeze_peak_n": float(squeeze.max()),
         "effort_peak_nm": float(np.nanmax(np.abs(run.channel("effort").rows), initial=0.0)),
         "effort_rate_rms_n_m_s": effort_rate(run),
         "load_peak": float(np.max(load_ratio(run), initial=-math.inf)),
@@ -156,6 +161,8 @@ ROWS: tuple[tuple[str, str, float, int], ...] = (
     ("final_error_rad", "goal error [deg]", _DEG, 3),
     ("arrival_s", "arrives after [s]", 1.0, 2),
     ("internal_peak_n", "internal force, peak [N]", 1.0, 2),
+    ("squeeze_mean_n", "squeeze, mean [N]", 1.0, 2),
+    ("squeeze_peak_n", "squeeze, peak [N]", 1.0, 2),
     ("load_peak", "load / friction limit, peak", 1.0, 2),
     ("effort_peak_nm", "peak effort [N m]", 1.0, 1),
 )

@@ -34,7 +34,7 @@ from slip_core.params import (
 )
 from slip_sim_bridge.params import BridgeParams
 from slip_vic.presets import preset_text
-from slip_vic.presets.models import DrivePreset, SensorPreset, load_drive, load_sensor
+from slip_vic.presets.models import DrivePreset, GripperPreset, SensorPreset, load_drive, load_gripper, load_sensor
 from slip_vic_controller.params.controller_params import GainParams
 from slip_vic_controller.params.node_params import ControllerNodeParams
 
@@ -43,9 +43,10 @@ if TYPE_CHECKING:
     from slip_vic.run.in_process import Tick
     from slip_vic.run.run import Run
 
-Law = Literal["classical", "vic", "governed", "printed"]
+Law = Literal["classical", "vic", "governed", "governed_follow", "printed"]
 """classical: impedance control without slip; vic: the paper's law, with internal feedback between several arms;
-governed: that below the reference governor; printed: the paper's law and nothing else, each arm with its own wrench."""
+governed: that below the reference governor; governed_follow: and the grip follows the load; printed: the paper's law
+and nothing else, each arm with its own wrench."""
 LAWS: tuple[Law, ...] = get_args(Law)
 OWN_WRENCH: Final = ("classical", "printed")
 """Laws in which each of several arms has its own contact only, and no internal feedback."""
@@ -242,6 +243,7 @@ def load_scenario(
     urdf: str | Path | None = None,
     sensor: str = "",
     drive: str = "",
+    gripper: str = "",
     parameters: Mapping[str, Any] | Path | None = None,
 ) -> Scenario:
     """Read a scenario by name or path and apply ``--set`` assignments.
@@ -249,8 +251,8 @@ def load_scenario(
     An assignment, a text or an item of a mapping, names a node's parameter (``controller.gains.k_s=500``,
     ``bridge.grip.force=0.6``) or, without prefix, one that both nodes share (``object.mass=0.6``). Real time brings
     `BOUNDED`. A `sensor` (name or file) gives both nodes what a slip sensor is, and the controller settings that suit
-    it, `drive` what the arm's drives and encoders are; `parameters` of the controller, by dotted name or in a file,
-    come after it, then assignments.
+    it, `drive` what the arm's drives and encoders are, `gripper` what the gripper is; `parameters` of the controller, by
+    dotted name or in a file, come after it, then assignments.
 
     Raises:
         InputError: unknown scenario, unknown parameter (nearest names offered), bad value, unreadable URDF.
@@ -268,12 +270,16 @@ def load_scenario(
             if urdf is not None:
                 node["robot_description_file"] = str(urdf)
         own["controller"] |= law_settings(law, len(values), own["controller"])
+        if law == "governed_follow":
+            own["bridge"]["grip.control"] = "follow"
         if mode == "realtime":
             own["controller"] |= BOUNDED
         if sensor:
             apply_sensor(own, load_sensor(sensor))
         if drive:
             apply_drive(own, load_drive(drive))
+        if gripper:
+            apply_gripper(own, load_gripper(gripper))
         if law == "printed":
             own["controller"] |= PRINTED
     given = read_parameters(parameters) if isinstance(parameters, Path) else parameters or {}
@@ -292,7 +298,9 @@ def law_settings(law: Law, arms: int, given: Mapping[str, Any]) -> dict[str, Any
     settings: dict[str, Any] = {"controller": "classical" if law == "classical" else "vic"}
     if law in OWN_WRENCH and arms > 1:
         settings["gains.kappa"] = 0.0
-    if law == "governed":
+    if law == "governed_follow":
+        settings["grip.control"] = "follow"
+    if law.startswith("governed"):
         settings |= GOVERNED | (stiffened(given) if arms > 1 else {})
     return settings
 
@@ -406,6 +414,12 @@ def apply_drive(values: NodeValues, preset: DrivePreset) -> None:
         _apply_part(values, simulated, known, flat)
     values["controller"] |= flat_names(preset.controller)
     values["controller"]["command.interface"] = preset.drive.interface
+
+
+def apply_gripper(values: NodeValues, preset: GripperPreset) -> None:
+    """Put a gripper into the values of both nodes."""
+    _apply_part(values, "grip", "grip", preset.grip)
+    values["controller"] |= flat_names(preset.controller)
 
 
 def _apply_part(values: NodeValues, simulated: str, known: str, flat: Mapping[str, object]) -> None:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@choosing("scenario", "law", "mode", "seed", "sensor", "drive", "parameters", "assignments", "urdf")
+@choosing("scenario", "law", "mode", "seed", "sensor", "drive", "gripper", "parameters", "assignments", "urdf")
 @click.option("--cpu", default="", help="oldest processor that runs it, or native; default x86-64-v2, else native")
 @out_option("slip_vic_native", "folder")
 def export(*, choice: Choice, cpu: str, out: Path) -> None:

@@ -19,7 +19,7 @@ from slip_vic_controller.config.joints import DEVIATIONS, estimator_config
 from slip_vic_controller.config.observer import TUNING, observer_config, witnesses
 from slip_vic_controller.contact.friction_estimate import Friction
 from slip_vic_controller.contact.layouts import OBSERVER_CONFIG
-from slip_vic_controller.governor.grip import AHEAD_S
+from slip_vic_controller.governor.grip import SINKS_S
 from slip_vic_controller.governor.layouts import GovernorConfig
 from slip_vic_controller.governor.plan import Governing
 from slip_vic_controller.interfaces import fill_wrench_sensor
@@ -86,7 +86,7 @@ def make_config(params: ControllerParams, robot: Robot, *, lockstep: bool, arms:
     use_noise(config, params, robot.effort_limit)
     copy_fields(config.tare, params.tare, params.object)
     copy_fields(config.grip, params.grip)
-    config.grip.follow, config.grip.preview_s = int(params.grip.control == "follow"), params.grip.lag_s + AHEAD_S
+    config.grip.follow, config.grip.preview_s = int(params.grip.control == "follow"), params.grip.lag_s + SINKS_S
     _fill_cycle(config, params, len(robot.joint_names))
     _fill_inputs(config, params, robot, lockstep=lockstep)
     _fill_conditions(config, params)

@@ -27,12 +27,6 @@ PAST: Final = 80
 """Times in the past at which it is kept how likely each hypothesis slid, for samples that come late."""
 
 
-LEAST_LIKELIHOOD: Final = 0.02
-"""One reading never excludes a mode."""
-SLIDES: Final = 0.5
-"""P(slides) from which the object slides for all others."""
-
-
 class Tuning(NamedTuple):
     """What the belief assumes. Shares are of a load, of friction or of a probability."""
 
@@ -48,6 +42,8 @@ class Tuning(NamedTuple):
     least_scale: float = 0.5
     most_scale: float = 1.6
     wrench_s: float = 0.01  # mean of the wrench, before its size is taken; it counts once in this time
+    least_likelihood: float = 0.02  # one reading never excludes a mode
+    slides: float = 0.5  # P(slides) from which the object slides for all others
     model_error: float = 0.3  # of a change of the load
     load_error: float = 0.03  # of the load
     edge: float = 0.02  # of friction, over which it ends
@@ -60,16 +56,17 @@ class Tuning(NamedTuple):
     least_band: float = 0.05  # likelihood of reading no slip while it slides
     most_band: float = 0.5
     outlier: float = 0.03  # likelihood of reading a slip where there is none
+    counts: float = 2.0  # standard deviations by which a measured load must exceed the modelled one to count
+    stands: float = 0.9  # share of the commanded load that counts whatever the wrench measures
     past_s: float = 0.004  # between two times that are kept
     noise_s: float = 0.1  # in which the noise of the load is found
+    of_change: float = 1.0 / 0.954  # standard deviation over the median of the change between two readings
     least_noise: float = 5e-3  # of friction
     first_noise: float = 0.03  # of friction
 
 
 BELIEF_TUNING: Final = Tuning()
 _SQRT_HALF: Final = math.sqrt(0.5)
-_OF_DIFFERENCE: Final = 1.0 / 0.954
-"""Standard deviation of noise over the median of the difference of two readings."""
 
 
 class Belief(Record):
@@ -148,11 +145,11 @@ def model_load(state: Belief, load: Spatial, d: float, F: float, dt: float) -> t
         dt: since the cycle before [s].
     """
     t, stuck = BELIEF_TUNING, 1.0 - sliding(state)
-    stuck = stuck if stuck > SLIDES else 0.0
+    stuck = stuck if stuck >= 1.0 - t.slides else 0.0
     size, share = math.sqrt(load.dot(load)), 1.0 - math.exp(-dt / t.wrench_s)
     step = abs(size - state.last) * math.sqrt(0.5 * share)
     if stuck > 0.0 and step > 0.0:  # a wrench that is repeated has no noise
-        grows = step * _OF_DIFFERENCE > state.noise
+        grows = step * t.of_change > state.noise
         state.noise = max(state.noise * (1.0 + (dt if grows else -dt) / t.noise_s), t.least_noise * F)
     state.last, mean = size, spatial(state.load)
     mean = mean + share * (load - mean)
@@ -178,7 +175,11 @@ def see_load(state: Belief, load: Spatial, d: float, F: float, dt: float) -> Non
 
     Implements: ours: the forward step of the hidden Markov model, then the likelihoods of l to the power dt / wrench_s.
     """
-    t, k, floor = BELIEF_TUNING, math.exp(-BELIEF_TUNING.slides_cells * BELIEF_TUNING.step), math.log(LEAST_LIKELIHOOD)
+    t, k, floor = (
+        BELIEF_TUNING,
+        math.exp(-BELIEF_TUNING.slides_cells * BELIEF_TUNING.step),
+        math.log(BELIEF_TUNING.least_likelihood),
+    )
     p, change = model_load(state, load, d, F, dt)
     carried, noise = state.carried, state.noise
     power = min(dt / t.wrench_s, 1.0)
@@ -191,8 +192,9 @@ def see_load(state: Belief, load: Spatial, d: float, F: float, dt: float) -> Non
         off = min(dt / t.ends_s * below((k * F_i - p) / x + 1.0), 1.0)
         a, b = state.sticks[i], state.slides[i]
         holds = min(2.0 * below((F_i - carried) / math.hypot(noise, t.edge * F_i)), 1.0)
-        by_sticking = max(fits + math.log(max(holds, LEAST_LIKELIHOOD)), floor)
-        by_sliding = max(-0.5 * (carried - k * F_i) ** 2 / (noise * noise + (t.sliding_error * F_i) ** 2), floor)
+        by_sticking = max(fits + math.log(max(holds, t.least_likelihood)), floor)
+        gap = max(k * F_i - carried, carried - F_i, 0.0)  # what slides slowly carries nearly as much as what sticks
+        by_sliding = max(-0.5 * gap * gap / (noise * noise + (t.sliding_error * F_i) ** 2), floor)
         state.sticks[i] = ((1.0 - on) * a + off * b) * math.exp(power * by_sticking)
         state.slides[i] = ((1.0 - off) * b + on * a) * math.exp(power * by_sliding)
     change_friction(state, dt)

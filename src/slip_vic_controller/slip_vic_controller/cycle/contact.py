@@ -6,7 +6,7 @@ from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.records import Records
 from slip_core.vectors import Spatial, mat, put_spatial, spatial, vec
-from slip_vic_controller.contact.belief import SLIDES, certain_share, keep_past, see_load, see_slip, sliding
+from slip_vic_controller.contact.belief import BELIEF_TUNING, certain_share, keep_past, see_load, see_slip, sliding
 from slip_vic_controller.contact.estimate import SensorHealth
 from slip_vic_controller.contact.friction_estimate import (
     certify,
@@ -59,8 +59,7 @@ def hold_on(config: ControllerConfig, task: TaskState, state: ArmState, dt: floa
         load += load_ahead(task.grid, task.governor.time, config.grip.preview_s)
     pad.contact.F_risk = config.governor.friction.configured * certain_share(pad.belief, config.grip.risk)
     needed = load * config.grip.nominal_force / pad.contact.F_risk
-    slides = sliding(pad.belief) > SLIDES or (pad.contact.slipping != 0 and pad.friction.said > 0)
-    squeeze(config.grip, state.grip, needed, slides, dt)
+    squeeze(config.grip, state.grip, needed, sliding(pad.belief) > BELIEF_TUNING.slides, dt)
     pad.grip = state.grip.actual / config.grip.nominal_force
 
 

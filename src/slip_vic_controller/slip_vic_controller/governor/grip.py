@@ -15,17 +15,12 @@ from typing import Final
 
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Records, Whole
-from slip_vic_controller.contact.belief import Belief
+from slip_vic_controller.contact.belief import BELIEF_TUNING, Belief
 from slip_vic_controller.governor.plan import GRID_POINTS, GridPoint
 
 SINKS_S: Final = 0.02
-"""In which the command sinks to what the load needs, or grows in a slip, by the factor e [s]."""
-AHEAD_S: Final = 0.016
-"""By which the load ahead is needed earlier than the gripper takes: what comes unplanned in a control loop [s]."""
-NOISE: Final = 2.0
-"""Standard deviations by which a measured load must exceed the modelled one."""
-STANDS: Final = 0.9
-"""Share of the commanded load that counts whatever the wrench measures: less is a slip, or a mass that is wrong."""
+"""In which the command sinks to what the load needs, or grows in a slip, by the factor e; and by which the load ahead
+is looked at earlier than the gripper takes [s]."""
 
 
 class GripConfig(Record):
@@ -77,7 +72,8 @@ def load_ahead(grid: Records[GridPoint], time: float, preview_s: float) -> float
 @part
 def load_to_hold(belief: Belief, commanded: float) -> float:
     """Return the load that has to be carried now [N]: never the measured one alone, which falls in a slip."""
-    return max(belief.needed, belief.carried - NOISE * belief.noise, STANDS * commanded)
+    tuning = BELIEF_TUNING
+    return max(belief.needed, belief.carried - tuning.counts * belief.noise, tuning.stands * commanded)
 
 
 @part

@@ -82,11 +82,10 @@ class GripParams(GripperModel):
         10.0, "control follow: largest grip, what object and gripper stand; the path is planned for it", unit="N",
         gt=0.0,
     )  # fmt: skip
-    least_force: float = parameter(0.0, "control follow: least force of the gripper", unit="N", ge=0.0)
     error_force: float = parameter(
         0.0, "control follow: by how much the force may be less than commanded, for the gripper's steps and friction",
         unit="N", ge=0.0,
     )  # fmt: skip
     risk: float = parameter(
-        3e-3, "control follow: probability that friction carries less than the grip counts on", gt=0.0, lt=0.5
+        0.01, "control follow: probability that friction carries less than the grip counts on", gt=0.0, lt=0.5
     )

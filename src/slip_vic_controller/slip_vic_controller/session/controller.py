@@ -88,7 +88,7 @@ class Controller:
             row.sliding_ns = -1  # what slides in the very first sample is believed
             row.tare.begun_ns = row.tare.wrench_ns = NEVER
             row.observed.path_speed, row.tuned = 1.0, make_ramp(arm.gains, arm.gains, 0, 0.0).view(RAMP)[0]
-            row.grip.command = row.grip.actual = arm.params.grip.nominal_force
+            row.grip.command = row.grip.actual = max(arm.params.grip.nominal_force, arm.params.grip.least_force)
         return state
 
 
