@@ -59,10 +59,10 @@ def fastest(world: World, grip: float | None) -> float:
     """
     scenario = world.load("governed", ("controller.governor.margin=1.0", "controller.governor.reserve=0.0"))
     params, bridge = scenario.controller, scenario.bridge
-    lasts = params.trajectory.start_s + params.trajectory.duration_s
+    one = next(iter(scenario.controllers.values())).trajectory
+    lasts = one.start_s + one.duration_s
     if scenario.several:
-        one = next(iter(scenario.controllers.values())).trajectory
-        return one.start_s + one.duration_s
+        return lasts
     of, friction = bridge.friction, params.governor.model_copy(update={"friction": "known"})
     left = of.falls_to if of.falls_at_s > 0.0 else 1.0
     limit = left * (of.mu_k if of.model == "coulomb" else of.mu_s) * (grip or bridge.grip.force)

@@ -71,7 +71,7 @@ def test_joint_state_faults(change: dict[str, float], fault: Reason) -> None:
 
 @pytest.mark.parametrize("is_slip", [False, True])
 def test_vector_faults(is_slip: bool) -> None:
-    largest = INPUTS.slip_angular if is_slip else INPUTS.torque
+    largest = (INPUTS.slip if is_slip else INPUTS.wrench)[1]
     for values, shift_ns, fault in (
         (np.nan, 0, Reason.NOT_FINITE), (1.01 * largest, 0, Reason.ABSURD),
         (1.0, -2 * PERIOD_NS, Reason.OUT_OF_ORDER), (1.0, -PERIOD_NS, Reason.OUT_OF_ORDER), (1.0, 10**9, Reason.FUTURE),
@@ -139,7 +139,7 @@ def said_while(bad: np.ndarray, heard: bool) -> Reason:
 
 
 @pytest.mark.parametrize(
-    ("bad", "fault"), [(np.full(6, 2.0 * INPUTS.slip_linear), Reason.ABSURD), (np.full(6, np.inf), Reason.NOT_FINITE)]
+    ("bad", "fault"), [(np.full(6, 2.0 * INPUTS.slip[0]), Reason.ABSURD), (np.full(6, np.inf), Reason.NOT_FINITE)]
 )
 def test_bad_numbers_are_not_silence(bad: np.ndarray, fault: Reason) -> None:
     assert said_while(bad, heard=True) == fault

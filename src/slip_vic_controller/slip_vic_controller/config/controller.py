@@ -85,6 +85,8 @@ def make_config(params: ControllerParams, robot: Robot, *, lockstep: bool, arms:
         part.joints = len(robot.joint_names)
     use_noise(config, params, robot.effort_limit)
     copy_fields(config.tare, params.tare, params.object)
+    config.tare.slip_linear, config.tare.slip_angular = params.tare.slip
+    config.tare.force, config.tare.torque = params.tare.wrench
     copy_fields(config.grip, params.grip)
     config.grip.follow, config.grip.preview_s = int(params.grip.control == "follow"), params.grip.lag_s + SINKS_S
     _fill_cycle(config, params, len(robot.joint_names))
@@ -159,8 +161,8 @@ def _fill_inputs(config: ControllerConfig, params: ControllerParams, robot: Robo
     for limits in (wrench, slip):
         copy_fields(limits, inputs)
         limits.future_ns = seconds_to_ns(inputs.age_s)
-    wrench.linear, wrench.angular = inputs.force, inputs.torque
-    slip.linear, slip.angular, slip.age_ns = inputs.slip_linear, inputs.slip_angular, seconds_to_ns(inputs.slip_age_s)
+    (wrench.linear, wrench.angular), (slip.linear, slip.angular) = inputs.wrench, inputs.slip
+    slip.age_ns = seconds_to_ns(inputs.slip_age_s)
     slip.zero_is_normal = 1
     if params.slip_sensor.quantum_linear > 0.0:  # a slip that changes by less than a quantum reads the same
         slip.frozen_ns *= QUANTISED_REPEATS

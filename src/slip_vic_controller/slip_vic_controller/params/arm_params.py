@@ -31,10 +31,12 @@ class TareParams(ParameterModel):
     duration_s: float = parameter(
         0.0, "time at rest over which the sensors are read; 0 = they are used as they are", unit="s", ge=0.0, le=10.0
     )
-    slip_linear: float = parameter(0.02, "largest bias of the slip velocity that is taken out", unit="m/s", ge=0.0)
-    slip_angular: float = parameter(0.3, "largest bias of the turning that is taken out", unit="rad/s", ge=0.0)
-    force: float = parameter(0.3, "largest bias of a force that is taken out", unit="N", ge=0.0)
-    torque: float = parameter(0.03, "largest bias of a torque that is taken out", unit="N m", ge=0.0)
+    slip: tuple[float, float] = parameter(
+        (0.02, 0.3), "largest bias of the slip velocity that is taken out, linear and angular", unit="m/s, rad/s"
+    )
+    wrench: tuple[float, float] = parameter(
+        (0.3, 0.03), "largest bias of force and torque that is taken out", unit="N, N m"
+    )
     mass_share: float = parameter(
         0.5,
         "share of object.mass by which the weight on the wrench sensor may differ; the law uses the measured mass",

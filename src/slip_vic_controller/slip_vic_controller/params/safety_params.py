@@ -42,11 +42,11 @@ class InputParams(ParameterModel):
 
     age_s: float = parameter(0.05, "age above which the newest joint state or wrench is not used", unit="s", gt=0.0)
     slip_age_s: float = parameter(0.15, "age above which the newest slip velocity is not used", unit="s", gt=0.0)
-    force: float = parameter(1000.0, "force above which a wrench is rejected", unit="N", gt=0.0)
-    torque: float = parameter(200.0, "torque above which a wrench is rejected", unit="N m", gt=0.0)
-    slip_linear: float = parameter(5.0, "linear speed above which a slip velocity is rejected", unit="m/s", gt=0.0)
-    slip_angular: float = parameter(
-        100.0, "angular speed above which a slip velocity is rejected", unit="rad/s", gt=0.0
+    wrench: tuple[float, float] = parameter(
+        (1000.0, 200.0), "force and torque above which a wrench is rejected", unit="N, N m"
+    )
+    slip: tuple[float, float] = parameter(
+        (5.0, 100.0), "linear and angular speed above which a slip velocity is rejected", unit="m/s, rad/s"
     )
     frozen_s: float = parameter(
         0.1, "longest time for which values may stay exactly equal while the arm moves", unit="s", gt=0.0
