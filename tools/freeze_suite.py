@@ -132,7 +132,8 @@ def frozen(worlds: list[World]) -> list[dict[str, Any]]:
 
 if __name__ == "__main__":
     given = gzip.decompress(Path(sys.argv[1]).read_bytes()).splitlines()
-    made = frozen(frozen_worlds(map(json.loads, given)))
+    kept = [row for row in map(json.loads, given) if row["set"].startswith("carry")]
+    made = sorted(frozen(frozen_worlds(kept)), key=lambda row: (row["arms"], row["track"], row["number"]))
     text = "\n".join(json.dumps(row) for row in made) + "\n"
     OUT.write_bytes(gzip.compress(text.encode(), mtime=0))
     print(f"{len(made)} worlds, digest {digest(row['frozen'].encode() for row in made)}")

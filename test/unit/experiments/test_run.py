@@ -49,7 +49,7 @@ def test_a_sensor_reaches_both_nodes() -> None:
 def test_a_run_has_all_its_numbers() -> None:
     good = under("vic")
     assert good["outcome"] == "ok"
-    assert all(math.isfinite(float(good[name])) for name in METRICS if name != "arrival_s")
+    assert all(math.isfinite(float(good[name])) for name in METRICS if name not in ("arrival_s", "fastest_s"))
     assert math.isnan(float(good["arrival_s"]))  # the path is not over
 
 

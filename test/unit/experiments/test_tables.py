@@ -54,7 +54,7 @@ def test_no_law_looks_better_by_what_it_does_not_carry() -> None:
         for k, (outcome, arrival, error) in enumerate(cases)
     ]
     (line,) = lines_of(rows)
-    assert [line[name] for name in ("carried", "lost", "short", "late")] == ["2/5", "1", "2", "1"]
+    assert [line[name] for name in ("carried", "lost", "short", "held", "late")] == ["2/5", "1", "1", "1", "1"]
     assert (line["slip [mm]"], line["arrives [s]"], line["peak [N]"]) == ("inf", "inf", "0.0001")
     assert next(lines_of(rows[:3]))["slip [mm]"] == "1"
 

@@ -175,7 +175,7 @@ def tune(
 
 @click.group()
 def benchmark() -> None:
-    """Compare control laws, yours too, in the worlds of the suite carry-2026.1."""
+    """Compare control laws, yours too, in the worlds of the suite carry-2026.2."""
 
 
 @benchmark.command()
