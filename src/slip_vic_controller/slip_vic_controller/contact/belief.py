@@ -184,7 +184,8 @@ def see_load(state: Belief, load: Spatial, d: float, F: float, dt: float) -> Non
     carried, noise = state.carried, state.noise
     power = min(dt / t.wrench_s, 1.0)
     variance = noise * noise + (t.model_error * change) ** 2 + (t.load_error * carried) ** 2
-    fits = -0.5 * (carried - p) ** 2 / variance
+    lacks = max(p - carried, 0.0)  # a load beyond what the motion needs is carried all the same
+    fits = -0.5 * lacks * lacks / variance
     for i in range(RATIOS):
         F_i = ratio(i) * F
         x = t.transition * F_i + noise
