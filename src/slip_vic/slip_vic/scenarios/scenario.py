@@ -251,8 +251,8 @@ def load_scenario(
     An assignment, a text or an item of a mapping, names a node's parameter (``controller.gains.k_s=500``,
     ``bridge.grip.force=0.6``) or, without prefix, one that both nodes share (``object.mass=0.6``). Real time brings
     `BOUNDED`. A `sensor` (name or file) gives both nodes what a slip sensor is, and the controller settings that suit
-    it, `drive` what the arm's drives and encoders are, `gripper` what the gripper is; `parameters` of the controller, by
-    dotted name or in a file, come after it, then assignments.
+    it, `drive` what the arm's drives and encoders are, `gripper` what the gripper is; `parameters` of the controller,
+    by dotted name or in a file, come after it, then assignments.
 
     Raises:
         InputError: unknown scenario, unknown parameter (nearest names offered), bad value, unreadable URDF.
