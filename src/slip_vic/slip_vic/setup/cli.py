@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
 import click
 
 from slip_core.errors import InputError
 from slip_vic.options import DRIVE, PACKAGE, SENSOR, names, out_option
 
+T = TypeVar("T")
 AXIS = click.Choice(["x", "-x", "y", "-y", "z", "-z"])
 
 
@@ -66,13 +69,15 @@ def arm(
     known = DRIVERS[driver] if driver else None
     drive = drive or (known.drive if known else "")
     made = Arm(
-        read_urdf(str(urdf), f"URDF {urdf}", dict(map(_argument, arguments))),
+        read_urdf(str(urdf), f"URDF {urdf}", _pairs("--arg", arguments, ":=", str, "NAME:=VALUE, e.g. ur_type:=ur5e")),
         link=link,
         approach=approach or "",
         normal=normal or "",
         reach=reach,
-        locked=dict(map(_position, locks)),
-        limits=dict(map(_limits, limits)),
+        locked=_pairs("--lock", locks, "=", float, "JOINT=VALUE, e.g. torso_lift_joint=0.1"),
+        limits=_pairs(
+            "--limit", limits, "=", _limits, "JOINT=EFFORT,VELOCITY above 0 [N m, rad/s], e.g. '*=28,3.1', '*=,3.1'"
+        ),
         by_effort=not drive or load_drive(drive).drive.interface == "effort",
     )
     for line in made.said:
@@ -91,48 +96,35 @@ def arm(
     click.echo(f"next: slip-vic demo --scenario {folder / next(iter(tasks))}.yaml{presets} --out {folder / 'demo'}")
 
 
-def _position(text: str) -> tuple[str, float]:
-    """Read JOINT=VALUE.
+def _pairs(option: str, texts: tuple[str, ...], separator: str, read: Callable[[str], T], form: str) -> dict[str, T]:
+    """Read the values of a repeatable option by their names.
 
     Raises:
-        InputError: another form.
+        InputError: without a name, or a value that `read` does not take.
     """
-    name, _, value = text.rpartition("=")
-    try:
-        return name, float(value)
-    except ValueError:
-        raise InputError("--lock", got=text, expected="JOINT=VALUE, e.g. torso_lift_joint=0.1") from None
+    found = {}
+    for text in texts:
+        name, _, value = text.rpartition(separator)
+        try:
+            found[name] = read(value)
+        except ValueError:
+            name = ""
+        if not name:
+            raise InputError(option, got=text, expected=form)
+    return found
 
 
-def _argument(text: str) -> tuple[str, str]:
-    """Read NAME:=VALUE.
+def _limits(text: str) -> dict[str, float]:
+    """Read EFFORT,VELOCITY, of which one may be empty.
 
     Raises:
-        InputError: another form.
+        ValueError: no number above 0.
     """
-    name, given, value = text.partition(":=")
-    if not (name and given):
-        raise InputError("--arg", got=text, expected="NAME:=VALUE, e.g. ur_type:=ur5e")
-    return name, value
-
-
-def _limits(text: str) -> tuple[str, dict[str, float]]:
-    """Read JOINT=EFFORT,VELOCITY, of which one may be empty.
-
-    Raises:
-        InputError: another form, or limits that are not above 0.
-    """
-    name, _, numbers = text.rpartition("=")
-    effort, _, velocity = numbers.partition(",")
-    try:
-        found = {key: float(word) for key, word in (("effort", effort), ("velocity", velocity)) if word.strip()}
-    except ValueError:
-        found = {}
-    if not name or not found or not all(math.isfinite(value) and value > 0.0 for value in found.values()):
-        raise InputError(
-            "--limit", got=text, expected="JOINT=EFFORT,VELOCITY above 0 [N m, rad/s], e.g. '*=28,3.1', '*=,3.1'"
-        )
-    return name, found
+    words = zip(("effort", "velocity"), text.split(","), strict=False)
+    found = {key: float(word) for key, word in words if word.strip()}
+    if not found or not all(0.0 < value < math.inf for value in found.values()):
+        raise ValueError(text)
+    return found
 
 
 @click.command()
