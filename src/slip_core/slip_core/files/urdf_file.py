@@ -64,6 +64,8 @@ def _expanded(path: Path, what: str, arguments: Mapping[str, str]) -> str:
     except InputError:
         raise
     except Exception as error:  # expressions and macros of the file run here: anything may happen
+        if isinstance(getattr(error, "exc", None), InputError):
+            raise error.exc from None  # type: ignore[attr-defined]
         detail = " ".join(str(error).split()) or type(error).__name__
         expected = f"a xacro file that can be expanded{declared if 'arg' in detail else ''}"
         raise InputError(what, got=str(path), expected=expected, fix=detail[:300]) from None

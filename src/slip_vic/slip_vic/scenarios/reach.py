@@ -74,6 +74,8 @@ def posture_for(
     for _ in range(_ITERATIONS):
         error, J = robot.way_to(q, position, rotation)
         given = axes_of(J, least)
+        if not given[5]:  # any attitude about the vertical will do, and large errors about it mix with tilts
+            rotation = Rotation.from_rotvec([0.0, 0.0, -error[5]]).as_matrix() @ rotation
         error, J = error[given], J[given]
         if np.abs(error).max() < REACHED:
             return q
@@ -146,8 +148,10 @@ def judge_inertia(robot: Robot, q: Array, params: ControllerParams) -> Condition
     inertia = np.diag(record(buffer, ARM).M)[: len(q)]
     light, most = int(inertia.argmin()), max(params.gains.inertia[3:])
     least = WRIST_SHARE * min(params.object.inertia[:3])
-    reason = f"{robot.joint_names[light]} moves {inertia[light]:.2g} kg m2, the object has ten times {least:.2g}: "
-    reason += "drive.armature adds the rotor's inertia"
+    reason = (
+        f"{robot.joint_names[light]} moves {inertia[light]:.2g} kg m2 beside the object's {least / WRIST_SHARE:.2g}; a "
+        "URDF leaves out rotors, which drive.armature adds"
+    )
     name = f"M_D over the inertia of {robot.joint_names[light]}"
     return Condition(name, most / max(float(inertia[light]), 1e-12), most / least, reason, "drive.armature")
 

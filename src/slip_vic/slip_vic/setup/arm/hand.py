@@ -115,18 +115,23 @@ def _last_link(root: Element, locked: tuple[str, ...]) -> str:
 
 
 def fingers(root: Element) -> set[str]:
-    """Return the moving joints that close a hand: named as fingers are, coupled with another joint, or of a gripper.
+    """Return the moving joints that close a hand: named as fingers are, coupled with another, or side by side.
 
     The joint that carries a gripper is none: the gripper's own are named after it, or are between two of its links,
     and carry no fingers.
     """
     joints = {name: joint for name, joint in named(root, "joint").items() if joint.get("type") != "fixed"}
-    found, carrying = set(), set()
+    carriers = {name: moving(chain(root, end_of(joint, "parent"))) for name, joint in joints.items()}
+    carrying = {one for names in carriers.values() for one in names}
+    last = [names[-1] for name, names in carriers.items() if names and name not in carrying]
+    found = {
+        name for name, names in carriers.items() if name not in carrying and last.count(names[-1] if names else "") > 1
+    }
     for name, joint in joints.items():
         follows = joint.find("mimic")
         if follows is not None or _FINGER.search(f"{name} {end_of(joint, 'child')}"):
             found |= {name, name if follows is None else str(follows.get("joint"))}
-            carrying |= set(moving(chain(root, end_of(joint, "parent"))))
+    carrying = {one for name in found & carriers.keys() for one in carriers[name]}
     for name, joint in joints.items():
         ends = [end_of(joint, end).lower() for end in ("parent", "child")]
         if name not in carrying and (_GRIPPER in name.lower() or all(_GRIPPER in end for end in ends)):

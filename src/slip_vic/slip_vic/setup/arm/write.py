@@ -127,10 +127,7 @@ class Arm:
         wrist = judge_inertia(robot, start.posture, controller)
         if not wrist.holds:
             content["shared"]["drive"] = {"armature": [ROTOR]}
-            said.append(
-                f"{wrist.name}: hardly any inertia in the URDF, which leaves out rotors; drive.armature {ROTOR:g} "
-                "kg m2 is assumed for every joint: correct it from the data sheet"
-            )
+            said.append(f"{wrist.reason}: {ROTOR:g} kg m2 is assumed for every joint, correct it from the data sheet")
         return content, start, said
 
     def _follows(self, trajectory: dict[str, Any], start: Start, end: Array) -> str:
@@ -143,7 +140,7 @@ class Arm:
         if "rotation" in trajectory:
             trajectory["rotation"] = turned
         axes = [[name for name, there in zip(AXES, start.way.given, strict=True) if there == kept] for kept in (1, 0)]
-        asked, does = (", ".join(f"{value:.3g}" for value in values) for values in (end[3:], turned))
+        asked, does = (", ".join(f"{value:.2f}" for value in values) for values in (end[3:], turned))
         return (
             f"{len(self.hand.joints)} joints: the law commands {', '.join(axes[0])}; {', '.join(axes[1])} follow from "
             f"the arm's posture, which turns the hand by [{does}] rad on this path, for [{asked}] in the scenario"
