@@ -61,11 +61,6 @@ def received(recorder) -> int:
     return status["messages"] if status else 0
 
 
-def accounted(recorder) -> int:
-    status = recorder.last("status")
-    return received(recorder) + (status["lost"] if status else 0)
-
-
 def wait_received(recorder, count: int) -> None:
     wait_until(lambda: received(recorder) >= count, f"{count} messages in the recorder")
 

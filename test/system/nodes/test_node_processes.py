@@ -91,9 +91,7 @@ def test_wrong_qos_is_named(processes: Processes, params, ros_node) -> None:
 BAD = [
     (CONTROLLER, "gains.ks:=5.0", ["gains.ks", "gains.k_s"]),
     (CONTROLLER, "ee_frame:=hand_of_god", ["hand_of_god"]),
-    (CONTROLLER, "robot_description_file:=nowhere.urdf", ["nowhere.urdf"]),
     (BRIDGE, "friction.model:=glue", ["friction.model", "stribeck"]),
-    (BRIDGE, "joint_names:=[arm_joint2, arm_joint1]", ["initial_position"]),
 ]
 
 
