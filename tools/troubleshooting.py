@@ -10,6 +10,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+from slip_vic_controller.contact.estimate import SensorHealth
 from slip_vic_controller.safety.conditions import Reason, Severity
 
 ROOT = Path(__file__).parents[1]
@@ -74,7 +75,9 @@ def bringup_table() -> str:
         if isinstance(function, ast.FunctionDef):
             fixes = [rendered(fix) for node in ast.walk(function) for fix in _fixes(node)]
             lines += [
-                f"| {function.name.strip('_').removeprefix('judge_')} | {_cell(text)} |" for text in fixes if text
+                f"| {function.name.strip('_').removeprefix('judge_')} | {_cell(text)} |"
+                for text in fixes
+                if text.strip("…")
             ]
     return "\n".join(lines)
 
@@ -112,6 +115,13 @@ def fault_table() -> str:
     return "\n".join(lines)
 
 
+def sensor_table() -> str:
+    """Return the table of mistakes that the readings of a slip sensor show."""
+    lines = ["| slip_velocity ... | what to do |", "|---|---|"]
+    lines += [f"| {_cell(shown(health.words))} | {_cell(health.to_do)} |" for health in SensorHealth if health.to_do]
+    return "\n".join(lines)
+
+
 def condition_table() -> str:
     """Return the table of docs/safety.md: every condition, in the order in which it counts."""
     lines = ["| condition | mode | lasts | clears by itself |", "|---|---|---|---|"]
@@ -133,7 +143,8 @@ def tables() -> str:
     return (
         f"{BEGIN}\n\n## Reasons of a mode\n\nOn `controller/mode` and in `/diagnostics`.\n\n{reason_table()}\n\n"
         "## Faults of an input\n\nWhat happens then is in [safety](safety.md#reactions).\n\n"
-        f"{fault_table()}\n\n## Steps of a bring-up\n\nOne line, exit code 1: the step, what was got, what is expected, and "
+        f"{fault_table()}\n\n## Mistakes of a slip sensor\n\nIn the mode, in a bring-up and from `slip-vic identify`.\n\n"
+        f"{sensor_table()}\n\n## Steps of a bring-up\n\nOne line, exit code 1: the step, what was got, what is expected, and "
         f"what to do. [Bring-up](robot.md#bring-up) has the steps.\n\n{bringup_table()}\n\n## Error texts\n\nOne line, exit code 2: what, what was got, what is expected, the fix. "
         f"… stands for a name or number of yours.\n\n{error_tables()}\n\n{END}"
     )

@@ -25,7 +25,7 @@ BRINGUP = (
     "controller.trajectory.kind=goal", "controller.safety.auto_enable=false", "controller.governor.friction=unknown",
     "bridge.duration_s=1e6",
 )  # fmt: skip
-SENSORS = ("ideal", "optical_flow_120", "event_1000", "force_tactile_500", "vision_60", "vision_25")
+SENSORS = ("ideal", "optical_flow_120", "event_1000", "force_tactile_500", "vision_60", "vision_25", "vision_16")
 DRIVES = ("", "torque_joint", "velocity_500", "velocity_125", "position_250")
 SCENARIOS = ("paper_planar", "vertical_plane", "glass_transport")
 DECIMATION = 10
@@ -206,7 +206,39 @@ def _late_wrench(seconds: float) -> Callable[[Any], Any]:
     return inputs
 
 
-QUARTER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+def _slip_samples(change: Callable[[Any], Any]) -> Error:
+    """Let each sample of the slip sensor be another one."""
+    return Error(inputs=lambda outputs: _with(outputs, slips=tuple(map(change, outputs.arms[0].slips))))
+
+
+def _scaled(linear: float, angular: float) -> Error:
+    """Let the slip sensor have other units."""
+    factors = np.repeat([linear, angular], 3)
+    return _slip_samples(lambda s: type(s)(s.stamp_ns, factors * s.twist))
+
+
+def _stamped(seconds: float) -> Error:
+    """Let the slip sensor's stamps be off."""
+    return _slip_samples(lambda s: type(s)(s.stamp_ns + round(1e9 * seconds), s.twist))
+
+
+def _held(hz: float) -> Error:
+    """Let the driver repeat the slip sensor's values under new stamps."""
+    last: list[Any] = [None, None]
+
+    def change(s: Any) -> Any:
+        if last[0] != (number := int(1e-9 * s.stamp_ns * hz)):
+            last[:] = number, s.twist
+        return type(s)(s.stamp_ns, last[1])
+
+    return _slip_samples(change)
+
+
+def _turned(degrees: float) -> Array:
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
 SWAPPED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 ERRORS: dict[str, tuple[Error, str, str]] = {
     "wrench: sign": (Error(("controller.wrench.sign=-1",)), "weight", "wrench.sign"),
@@ -236,9 +268,15 @@ ERRORS: dict[str, tuple[Error, str, str]] = {
         Error(("controller.effort.gravity=robot_compensates",)), "hold", "effort.gravity"
     ),
     "gravity: twice": (Error(effort=lambda effort, gravity: effort + gravity), "hold", "effort.gravity"),
-    "slip: sign": (Error(inputs=_slip(-np.eye(3))), "pull +x", "the sign of all its readings"),
-    "slip: axes swapped": (Error(inputs=_slip(SWAPPED)), "pull +x", "axes"),
-    "slip: axes turned about z": (Error(inputs=_slip(QUARTER)), "pull +x", "axes"),
+    "slip: sign": (Error(inputs=_slip(-np.eye(3))), "slide", "force: all axes are inverted"),
+    "slip: axes swapped": (Error(inputs=_slip(SWAPPED)), "slide", "force: x and y are swapped"),
+    "slip: turned by 90 degrees": (Error(inputs=_slip(_turned(90.0))), "slide", "turned by 90 degrees about z"),
+    "slip: turned by 15 degrees": (Error(inputs=_slip(_turned(15.0))), "slide", "turned by 15 degrees about z"),
+    "slip: mm/s": (_scaled(1000.0, 1.0), "slide", "is its unit m/s?"),
+    "slip: deg/s": (_scaled(1.0, 57.3), "slide", "is its unit rad/s?"),
+    "slip: held": (_held(30.0), "slide", "values change at 30 Hz"),
+    "slip: stamps 30 ms old": (_stamped(-0.03), "slide", "stamps are -30 ms off"),
+    "slip: stamps 30 ms ahead": (_stamped(0.03), "slide", "stamps are +30 ms off"),
     "slip: offset": (Error(("bridge.sensors.slip.faults.bias=[0.02, 0, 0, 0, 0, 0]",)), "rest", "calibrate"),
     "slip: silent": (Error(("bridge.sensors.slip.faults.silent=true",)), "slip", "start the driver"),
     "slip: invalid": (Error(("bridge.sensors.slip.faults.invalid=true",)), "rest", "does not measure"),

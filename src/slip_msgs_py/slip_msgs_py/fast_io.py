@@ -116,7 +116,7 @@ class Receiver(Generic[Sample]):
 
 
 class Refusals:
-    """Counts refused messages per topic, and reports each new fault in one line.
+    """Counts refused messages per topic, and reports each new kind of fault in one line.
 
     Args:
         report: takes the line.
@@ -125,14 +125,16 @@ class Refusals:
     def __init__(self, report: Callable[[str], object]) -> None:
         self._report = report
         self._last: dict[str, str] = {}
+        self._reported: set[tuple[str, str]] = set()
         self.counts: dict[str, int] = {}
 
     def add(self, name: str, error: InputError) -> None:
         """Count one refused message of a topic."""
         self.counts[name] = self.counts.get(name, 0) + 1
-        text = str(error)
-        if self._last.get(name) != text:
-            self._last[name] = text
+        self._last[name] = text = str(error)
+        kind = name, error.expected  # what was got may differ in every message
+        if kind not in self._reported:
+            self._reported.add(kind)
             self._report(f"{name}: message refused: {text}")
 
     def last(self, name: str) -> str:

@@ -14,7 +14,7 @@ from slip_native.functions import FUNCTIONS
 from slip_vic_controller.contact.layouts import Row
 from slip_vic_controller.law.symbols import SYMBOLS, Symbols
 from slip_vic_controller.path.goals import GoalPhase, Refusal
-from slip_vic_controller.safety.conditions import MISSING, MOUNTED, REASONS, SENSORS, Missing, Prefix, Reason
+from slip_vic_controller.safety.conditions import MISSING, MISTAKES, REASONS, SENSORS, Missing, Prefix, Reason
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.state import GOVERNED, ArmState, ControllerConfig, CycleInputs, CycleOutputs, TaskState
 
@@ -74,7 +74,7 @@ def words() -> str:
         "reason_names": [row.name for row in rows],
         "mode_names": [mode.name for mode in Mode],
         "missing_words": MISSING,
-        "mounted_words": MOUNTED,
+        "mistake_words": MISTAKES,
         "sensor_words": SENSORS,
         "symbol_names": SYMBOLS.names or (),
         "governed_names": GOVERNED.names or (),

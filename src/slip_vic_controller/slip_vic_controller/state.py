@@ -58,6 +58,7 @@ class ControllerConfig(Record):
     kappa_late_s: Real  # s; by which efforts may be later than configured
     slip_delay_ns: Whole  # by which the stamps of slip samples are too late
     gate_shut: Whole  # whether the law takes the object as held
+    handover: Whole  # Handover
     leaves_gravity: Whole  # whether the arm carries its own weight
     models_wrench: Whole  # whether there is no wrench sensor
     follows_stream: Whole  # whether the path is a governed stream of references

@@ -95,6 +95,16 @@ def test_noise_is_no_bias(seed: int) -> None:
     assert not judge_tare(config, state)
 
 
+@pytest.mark.parametrize(("unit", "words"), [((1000.0, 1.0), "[m/s] reads 0.0"), ((1.0, 57.3), "[rad/s] reads 0.")])
+def test_noise_in_another_unit_names_sensor(unit: tuple[float, float], words: str) -> None:
+    rng, config, state = np.random.default_rng(0), bounds(), begun()
+    for slip in rng.normal(0.0, np.repeat((1e-3, 2e-2), 3), (SAMPLES, 6)):
+        add_slip(config, state, slip * np.repeat(unit, 3))
+    take(config, state, np.zeros(6))
+    assert state.found.reason == Reason.BIASED
+    assert words in describe(state.found, ())
+
+
 @pytest.mark.parametrize("seed", range(20))
 def test_outliers_are_neither_bias_nor_noise(seed: int) -> None:
     """Not even where the first sample is one."""

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from slip_vic.run.in_process import run_in_process
+from slip_vic.run.in_process import ClosedLoop, run_in_process
 from slip_vic.scenarios.scenario import load_scenario
+from slip_vic_controller.safety.conditions import Reason
 from slip_vic_controller.safety.modes import Mode
 from slip_vic_controller.session.cycle_result import CycleResult
 
@@ -61,3 +62,25 @@ def test_off_equals_printed_law() -> None:
     )  # fmt: skip
     pairs = zip(run_in_process(printed), run_in_process(off), strict=True)
     assert all(a.result.command.numbers.tobytes() == b.result.command.numbers.tobytes() for a, b in pairs)
+
+
+@pytest.mark.parametrize(
+    ("grip", "handover", "least_m", "most_m", "lost"),
+    [("fixed", "hold", 0.0, 5e-3, False), ("fixed", "follow", 0.02, 0.3, False), ("follow", "open", 0.0, 5e-3, True)],
+)
+def test_hand_at_the_goal(grip: str, handover: str, least_m: float, most_m: float, lost: bool) -> None:
+    """A hand pulls with less than friction passes on, for a second."""
+    given = f"controller.handover={handover}", f"grip.control={grip}", "bridge.duration_s=5.0"
+    loop = ClosedLoop(scenario := load_scenario("paper_planar", law="governed", sensor="event_1000", assignments=given))
+    places, said = [], set[str]()
+    for tick in run_in_process(scenario, loop):
+        places.append(tick.outputs.arms[0].joint.position.copy())
+        said |= {Reason(tick.result.record.mode.reason.reason).name} if tick.time_s > 3.5 else set()
+        if len(places) in (3500, 4500):
+            force = 0.18 if len(places) == 3500 else 0.0
+            loop.bridge.simulation.push(0, np.array([force, 0.0, 0.0, 0.0, 0.0, 0.0]), np.zeros(0))
+    assert "HAND" in said
+    frame = loop.controller.controller.robot.frame
+    moved = np.linalg.norm(frame(places[-1])[0] - frame(places[3499])[0])
+    assert least_m <= moved <= most_m
+    assert (loop.bridge.lost is not None) == lost

@@ -13,7 +13,7 @@ from slip_description import urdf_text
 from slip_vic.cli import cli
 from slip_vic.presets.models import load_drive
 from slip_vic.scenarios.scenario import load_scenario
-from slip_vic.setup.identify import Motion, identify, read_motion
+from slip_vic.setup.identify import Motion, identify, read_motion, read_slip, slip_mistake
 from slip_vic_controller.robot import Robot
 from test.support.run_maker import record_run
 from test.unit.bridge.scenes import scene
@@ -87,3 +87,26 @@ def test_a_bag_without_velocities_shows_friction_too(tmp_path: Path) -> None:
     assert np.isfinite(motion.velocity).all()
     found = identify(motion, robot)
     assert found["coulomb"].iloc[1] == pytest.approx(0.3, abs=0.15)  # of the preset
+
+
+@pytest.mark.parametrize(
+    ("signs", "words"),
+    [
+        ((1.0, 1.0, 1.0), ""), ((-1.0, -1.0, -1.0), "all axes are inverted"), ((1.0, 1.0, -1.0), "turning is inverted"),
+    ],
+)  # fmt: skip
+def test_slip_of_a_bag_against_its_wrench(signs: tuple[float, float, float], words: str) -> None:
+    slip = read_slip(BAG)
+    assert slip is not None
+    times, h, stamps, twists = slip
+    said = slip_mistake(times, h, stamps, twists * (signs[0], signs[1], 1.0, 1.0, 1.0, signs[2]))
+    assert bool(said) == bool(words)
+    assert words in said
+
+
+def test_held_values_of_a_bag() -> None:
+    slip = read_slip(BAG)
+    assert slip is not None
+    times, h, stamps, twists = slip
+    held = twists[np.searchsorted(stamps, stamps[0] + np.floor((stamps - stamps[0]) * 30.0) / 30.0)]
+    assert "values change at 30 Hz" in slip_mistake(times, h, stamps, held)

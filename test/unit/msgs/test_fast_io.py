@@ -153,14 +153,13 @@ def test_forms_beyond_those_a_receiver_learns_are_still_read(monkeypatch: pytest
 def test_each_new_fault_is_reported_once_and_every_message_counted() -> None:
     lines: list[str] = []
     refusals = Refusals(lines.append)
-    for what in ("x", "x", "x", "y", "x"):
-        refusals.add("wrench", InputError(what, got=1, expected="2"))
+    for got, expected in ((1, "2"), (0, "2"), (1, "2"), (1, "3"), (1, "2")):
+        refusals.add("wrench", InputError("x", got=got, expected=expected))
     refusals.add("slip", InputError("x", got=1, expected="2"))
     assert refusals.counts == {"wrench": 5, "slip": 1}
     assert lines == [
         "wrench: message refused: x: got 1, expected 2",
-        "wrench: message refused: y: got 1, expected 2",
-        "wrench: message refused: x: got 1, expected 2",
+        "wrench: message refused: x: got 1, expected 3",
         "slip: message refused: x: got 1, expected 2",
     ]
     assert refusals.last("wrench") == "x: got 1, expected 2"

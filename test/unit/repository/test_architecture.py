@@ -93,6 +93,7 @@ OWN = {  # layers inside a package: what of the own package a part may import
             "contact.belief",
             "contact.estimate",
             "contact.friction_estimate",
+            "contact.slip_health",
             "contact.wrench_evidence",
             "law.internal",
             "law.rotation",

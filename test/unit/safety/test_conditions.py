@@ -10,6 +10,7 @@ from slip_core.records import new, record
 from slip_vic_controller.safety.conditions import (
     NOTHING,
     SAMPLE_FAULTS,
+    Missing,
     Reason,
     Severity,
     Why,
@@ -106,4 +107,6 @@ def test_words_of_missing_inputs() -> None:
     contacts = [f"{name} of contact {k}" for name in ("wrench", "slip") for k in range(4)]
     everything = ", ".join(["activation", "a good joint state", "joint_states", *contacts])
     assert describe(because(Reason.WAITS, 2**11 - 1), ()) == f"waits for {everything}"
+    absurd = Why(Reason.WAITS, Reason.ABSURD, 0, Missing.GOOD_JOINT_STATE, 0.0, 0.0)
+    assert describe(absurd, ()) == "waits for a good joint state (it is absurdly large)"
     assert describe(NOTHING, ()) == ""

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -208,3 +210,28 @@ def test_a_cycle_without_faults_counts_none() -> None:
     made_up = MadeUp()
     made_up.cycle()
     assert made_up.session.counts() == {}
+
+
+ONE_NAN = np.where(np.arange(N) == 2, np.nan, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("shift_ns", "changes", "mode", "words"),
+    [
+        (-(10**18), {}, Mode.WAITING_INPUT, "waits for a good joint state (it has no stamp)"),
+        (0, {"position": np.degrees(POSITION)}, Mode.WAITING_INPUT, "a good joint state (it is absurdly large)"),
+        (0, {"velocity": ONE_NAN}, Mode.WAITING_INPUT, "a good joint state (it is not finite)"),
+        (10**9, {}, Mode.HOLD, "an input is ahead of all others: joint_states"),
+    ],
+)
+def test_bad_joint_states_are_named(shift_ns: int, changes: dict[str, Any], mode: Mode, words: str) -> None:
+    made_up = MadeUp()
+    for _ in range(5):
+        made_up.pass_time()
+        made_up.deliver()
+        joint = made_up.joint(**{"velocity": np.zeros(N), **changes})
+        made_up.session.add_joint(replace(joint, stamp_ns=max(joint.stamp_ns + shift_ns, 0)), made_up.now_ns)
+        result = made_up.session.cycle(made_up.now_ns)
+    assert result is not None
+    assert result.mode == mode
+    assert words in result.reason

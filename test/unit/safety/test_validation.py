@@ -75,7 +75,7 @@ def test_vector_faults(is_slip: bool) -> None:
     for values, shift_ns, fault in (
         (np.nan, 0, Reason.NOT_FINITE), (1.01 * largest, 0, Reason.ABSURD),
         (1.0, -2 * PERIOD_NS, Reason.OUT_OF_ORDER), (1.0, -PERIOD_NS, Reason.OUT_OF_ORDER), (1.0, 10**9, Reason.FUTURE),
-        (0.99 * largest, 0, Reason.NONE),
+        (1.0, -STAMP_NS - 5 * PERIOD_NS, Reason.UNSTAMPED), (0.99 * largest, 0, Reason.NONE),
     ):  # fmt: skip
         v = begun()
         v.vector(is_slip, at(4)[0], QUIET, at(4)[1])

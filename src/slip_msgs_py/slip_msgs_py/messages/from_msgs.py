@@ -48,7 +48,8 @@ def joint_indices(joints: tuple[str, ...], names: tuple[str, ...]) -> list[int]:
     for joint in joints:
         if names.count(joint) != 1:
             what = f"joint state: joint {joint}"
-            raise InputError(what, got=f"names {list(names)}", expected=f"each of {list(joints)} once")
+            expected = f"each of {list(joints)} once, all in one message"
+            raise InputError(what, got=f"names {list(names)}", expected=expected)
     return [names.index(joint) for joint in joints]
 
 

@@ -21,10 +21,14 @@ std::string joint_of(int64_t which, const std::vector<std::string> &joint_names)
   return which < static_cast<int64_t>(joint_names.size()) ? joint_names[static_cast<size_t>(which)] : "";
 }
 
-static std::string missing_in(int64_t bits) {
+static std::string filled(const std::string &form, const SlipVic_WhyRecord &why,
+                          const std::vector<std::string> &joint_names);
+
+static std::string missing_in(const SlipVic_WhyRecord &why, const std::vector<std::string> &joint_names) {
   std::string text;
   for (size_t bit = 0; bit < std::size(slip_vic_missing_words); ++bit)
-    if (bits >> bit & 1) text += (text.empty() ? "" : ", ") + std::string(slip_vic_missing_words[bit]);
+    if (why.which >> bit & 1)
+      text += (text.empty() ? "" : ", ") + filled(slip_vic_missing_words[bit], why, joint_names);
   return text;
 }
 
@@ -35,13 +39,14 @@ static std::string field(const std::string &name, const std::string &format, con
   if (name == "which") return std::to_string(why.which);
   if (name == "joint") return joint_of(why.which, joint_names);
   if (name == "fault") return word(slip_vic_reason_words, why.fault);
-  if (name == "missing") return missing_in(why.which);
-  if (name == "mounted") return word(slip_vic_mounted_words, why.which);
+  if (name == "it") return why.fault ? " (it " + word(slip_vic_reason_words, why.fault) + ")" : "";
+  if (name == "missing") return missing_in(why, joint_names);
+  if (name == "mistake") return filled(word(slip_vic_mistake_words, why.which), why, joint_names);
   return word(slip_vic_sensor_words, why.which);
 }
 
-std::string describe(const SlipVic_WhyRecord &why, const std::vector<std::string> &joint_names) {
-  const std::string form = word(slip_vic_reason_words, why.reason);
+static std::string filled(const std::string &form, const SlipVic_WhyRecord &why,
+                          const std::vector<std::string> &joint_names) {
   std::string text;
   for (size_t at = 0; at < form.size();) {
     const size_t open = form.find('{', at), close = form.find('}', at);
@@ -52,6 +57,11 @@ std::string describe(const SlipVic_WhyRecord &why, const std::vector<std::string
     text += field(inside.substr(0, colon), colon == std::string::npos ? "" : inside.substr(colon + 1), why, joint_names);
     at = close + 1;
   }
+  return text;
+}
+
+std::string describe(const SlipVic_WhyRecord &why, const std::vector<std::string> &joint_names) {
+  std::string text = filled(word(slip_vic_reason_words, why.reason), why, joint_names);
   if (why.prefix & SLIP_VIC_PREFIX_ASKED_AND) text = "hold requested; " + text;
   if (why.prefix & SLIP_VIC_PREFIX_AFTER_RESET) text = "not enabled, after a reset of: " + text;
   return why.prefix & SLIP_VIC_PREFIX_RESUMES_AFTER ? "resumes after: " + text : text;

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from slip_core.device_params import JointSensorModel, SlipSensorModel, WrenchSensorModel
-from slip_core.grasp_params import Six, Three
+from slip_core.grasp_params import Six
 from slip_core.params import ParameterModel, parameter
 
 NO_BIAS: Six = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -49,9 +49,6 @@ class WrenchSensorParams(WrenchSensorModel):
     rate_hz: float = parameter(0.0, "measuring rate; 0 measures at every control cycle", unit="Hz", ge=0.0)
     latency_s: float = parameter(0.0, "time from measurement to arrival", unit="s", ge=0.0)
     gain: float = parameter(1.0, "reading over truth, before the bias", runtime=True, gt=0.0)
-    rotation: Three = parameter(
-        (0.0, 0.0, 0.0), "rotation vector of a sensor that is mounted askew, on pad axes", unit="rad", runtime=True
-    )
     bias: Six = parameter(NO_BIAS, "constant added to readings, on pad axes", unit="N, N m", runtime=True)
     silent: bool = parameter(False, "publish nothing", runtime=True)
 

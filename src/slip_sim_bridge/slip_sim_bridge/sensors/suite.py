@@ -14,7 +14,7 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 from numpy.random import Generator
 
-from slip_core.arrays import Array, matrix_from_quat_xyzw
+from slip_core.arrays import Array
 from slip_core.types import DisplacementSample, JointSample, SlipSample, WrenchSample
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.sensors.params import JointSensorParams, SensorsParams, WrenchSensorParams
@@ -181,11 +181,7 @@ class WrenchMeasurement:
     def __init__(self, params: WrenchSensorParams) -> None:
         self._params = params
         self._bias = np.array(params.bias)
-        turn = np.array(params.rotation)
-        half = 0.5 * float(np.linalg.norm(turn))
-        axis_sine = 0.5 * np.sinc(half / math.pi) * turn
-        self._axes = params.gain * matrix_from_quat_xyzw((*axis_sine, math.cos(half)))
-        self._exact = params.gain == 1.0 and not any((*params.rotation, *params.bias))
+        self._exact = params.gain == 1.0 and not any(params.bias)
         self._noisy = params.noise_force > 0.0 or params.noise_torque > 0.0
         self._deviation = np.repeat((params.noise_force, params.noise_torque), 3)
 
@@ -196,7 +192,7 @@ class WrenchMeasurement:
             return None
         if noise is None and self._exact:
             return truth
-        wrench = (truth.wrench.reshape(2, 3) @ self._axes).ravel() + self._bias
+        wrench = params.gain * truth.wrench + self._bias
         if noise is not None:
             wrench = wrench + self._deviation * noise
         return WrenchSample(truth.stamp_ns, wrench)

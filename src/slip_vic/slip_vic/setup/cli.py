@@ -173,14 +173,17 @@ def identify(bag: Path, ee_frame: str, out: Path | None) -> None:
     """Find noise, quantum, friction and offset of each joint in a recorded slow motion.
 
     The bag needs joint states with efforts and the arm's URDF; a wrench is taken off where there is one. Each joint has
-    to move both ways, slowly: docs/drives.md.
+    to move both ways, slowly: docs/drives.md. Where the bag has slip velocities of an object that slips, their
+    direction and rate are compared with the wrench and the stamps.
     """
     from slip_vic.scenarios.parameter_files import write_files
-    from slip_vic.setup.identify import COLUMNS, preset, read_motion
+    from slip_vic.setup.identify import COLUMNS, preset, read_motion, read_slip, slip_mistake
     from slip_vic.setup.identify import identify as found_in
 
     numbers = found_in(*read_motion(bag, ee_frame))
     click.echo(numbers.rename(columns=COLUMNS).to_string(float_format="{:.3g}".format, na_rep="-"))
+    if (slip := read_slip(bag)) and (words := slip_mistake(*slip)):
+        click.echo(words)
     if out is not None:
         write_files(out.parent, {out.name: preset(numbers, f"slip-vic identify {bag}")})
         click.echo(str(out))

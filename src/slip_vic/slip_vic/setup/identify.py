@@ -1,4 +1,4 @@
-"""What a recorded slow motion shows of drives and encoders: noise, quantum, friction and offset of each joint."""
+"""What a bag shows of drives and encoders, noise, quantum, friction and offset of each joint, and the slip sensor."""
 
 from __future__ import annotations
 
@@ -14,7 +14,11 @@ from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.records import new, record
 from slip_vic.run.data import urdf_of
+from slip_vic.setup.slip_sensor import SLIP_SPEED, compare
+from slip_vic_controller.contact.estimate import SensorHealth
+from slip_vic_controller.contact.slip_health import DIFFERS
 from slip_vic_controller.law.arm import ARM, Arm
+from slip_vic_controller.params.controller_params import GovernorParams
 from slip_vic_controller.robot import Robot
 
 LEAST_SAMPLES = 200
@@ -76,6 +80,33 @@ def read_motion(path: Path, robot_frame: str) -> tuple[Motion, Robot]:
             h = felt.columns("wrench.force", "wrench.torque")
             load = _loads(robot, q, h[np.maximum(felt.newest(series.stamps), 0)])
     return Motion(names, times, q, qd, series["effort"], load), robot
+
+
+def read_slip(path: Path) -> tuple[Array, Array, Array, Array] | None:
+    """Return stamps and wrenches, stamps and slip velocities of a bag; (k,) [s], (k, 6), (m,), (m, 6); None without.
+
+    Raises:
+        InputError: no bag.
+    """
+    with Bag(path) as bag:
+        slips, wrenches = bag.ending("slip_velocity"), bag.ending("wrench")
+        if slips is None or wrenches is None or not bag.topics[wrenches].message_count:
+            return None
+        read, felt = bag.series(slips), bag.series(wrenches)
+        h, twists = felt.columns("wrench.force", "wrench.torque"), read.columns("twist.linear", "twist.angular")
+    return np.asarray(1e-9 * felt.stamps), h, np.asarray(1e-9 * read.stamps), twists
+
+
+def slip_mistake(times: Array, h: Array, stamps: Array, twists: Array) -> str:
+    """Return what slip velocities show against the wrench, and what to do; empty where they show nothing.
+
+    Arguments as of `read_slip`. A pad slips in its plane, along x and y, and turns about z.
+    """
+    scale = np.array([1.0, 1.0, 0.0, 0.0, 0.0, GovernorParams().torsional_radius])
+    found = compare(times, -h * (scale > 0.0), stamps, twists * scale, SLIP_SPEED, DIFFERS)
+    health = SensorHealth(int(found.found))
+    words = health.words.format(value=found.value, limit=found.limit)
+    return f"slip_velocity {words}: {health.to_do}" if words else ""
 
 
 def identify(motion: Motion, robot: Robot) -> pd.DataFrame:

@@ -19,6 +19,7 @@ from typing import Final
 from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Whole
+from slip_core.vectors import spatial
 from slip_vic_controller.arm.estimator import BIAS, MOVES, SIGNIFICANT
 from slip_vic_controller.safety.conditions import NOTHING, Reason, Why, WhyRecord, put_why
 from slip_vic_controller.sizes import NEVER, Joints
@@ -66,6 +67,9 @@ class Tare(Record):
     position: Joints  # rad, then
     wrench_ns: Whole  # stamp of the last wrench that was taken in
     slip: Mean  # m/s, rad/s {ee}
+    slip_count: Whole  # of all samples
+    slip_linear: Real  # m/s; mean size of them
+    slip_angular: Real  # rad/s
     wrench: Mean  # N, N m {ee}, beyond the load of the resting object
     velocity: Mean  # rad/s
     change: Mean  # rad/s, of the joint velocities from one cycle to the next, at rest or not
@@ -79,6 +83,7 @@ class Tare(Record):
 def start_tare(state: Tare, begun_ns: int) -> None:
     """Forget what was measured; begun_ns: stamp of a joint state at rest, NEVER where there is none yet [ns]."""
     state.begun_ns, state.done, state.wrench_ns, state.mass_share = begun_ns, 0, begun_ns, 0.0
+    state.slip_count, state.slip_linear, state.slip_angular = 0, 0.0, 0.0
     put_why(state.found, NOTHING)
     for mean in (state.slip, state.wrench, state.velocity):
         mean.count, mean.average[:], mean.squares[:], mean.bias[:] = 0, 0.0, 0.0, 0.0
@@ -122,11 +127,15 @@ def add(state: Mean, values: Array, n: int) -> None:
 def add_slip(config: TareConfig, state: Tare, twist: Array) -> None:
     """Take a slip velocity (6,) [m/s, rad/s] {ee} into its mean; an outlier takes one of those before away instead.
 
-    So the mean is that of the majority, wherever it begins, and outliers widen no spread.
+    So the mean is that of the majority, wherever it begins, and outliers widen no spread. An outlier counts little in
+    the mean size, too; but where every sample is one, as in another unit, that is beyond all bounds.
 
     Implements: ours, as R. S. Boyer and J S. Moore's majority vote, 1981.
     """
-    slip, far = state.slip, False
+    slip, far, v = state.slip, False, spatial(twist)
+    state.slip_count += 1
+    state.slip_linear += (min(v.linear.norm(), OUTLIER * config.slip_linear) - state.slip_linear) / state.slip_count
+    state.slip_angular += (min(v.angular.norm(), OUTLIER * config.slip_angular) - state.slip_angular) / state.slip_count
     for k in range(6):
         bound = config.slip_linear if k < 3 else config.slip_angular
         far = far or abs(twist[k] - slip.average[k]) > OUTLIER * bound
@@ -171,10 +180,21 @@ def accuse(state: Tare, which: int, mean: Mean, first: int, last: int, bound: fl
 
 
 @part
+def scatters(state: Tare, which: int, size: float, bound: float) -> bool:
+    """Name a slip sensor whose samples at rest are larger than the largest bias; return whether they are."""
+    if size > bound and state.slip_count >= LEAST_SAMPLES:
+        put_why(state.found, Why(Reason.BIASED.value, 0, 0, which, size, bound))
+        return True
+    return False
+
+
+@part
 def judge_tare(config: TareConfig, state: Tare) -> bool:
     """Name the first sensor whose mean is out of bounds, in the order of the words; return whether there is one."""
     return bool(
-        accuse(state, 0, state.slip, 0, 3, config.slip_linear)
+        scatters(state, 0, state.slip_linear, config.slip_linear)
+        or scatters(state, 1, state.slip_angular, config.slip_angular)
+        or accuse(state, 0, state.slip, 0, 3, config.slip_linear)
         or accuse(state, 1, state.slip, 3, 6, config.slip_angular)
         or accuse(state, 2, state.wrench, 0, 3, config.force)
         or accuse(state, 3, state.wrench, 3, 6, config.torque)

@@ -19,6 +19,7 @@ from slip_vic_controller.config.joints import DEVIATIONS, estimator_config
 from slip_vic_controller.config.observer import TUNING, observer_config, witnesses
 from slip_vic_controller.contact.friction_estimate import Friction
 from slip_vic_controller.contact.layouts import OBSERVER_CONFIG
+from slip_vic_controller.contact.wrench_evidence import Handover
 from slip_vic_controller.governor.grip import SINKS_S
 from slip_vic_controller.governor.layouts import GovernorConfig
 from slip_vic_controller.governor.plan import Governing
@@ -141,6 +142,7 @@ def _fill_cycle(cycle: ControllerConfig, params: ControllerParams, joints: int) 
     cycle.follows_stream, cycle.follows_goals = int(governed_stream(params)), int(params.trajectory.kind == "goal")
     # A flag reports no speed; and below a governor, which prevents slip, compensation answers noise and delays.
     cycle.gate_shut = int(params.slip_input == "flag" or params.governor.mode != "off")
+    cycle.handover = Handover[params.handover.upper()]
     cycle.models_wrench = int(params.wrench.source == "none")
     cycle.leaves_gravity = int(params.effort.gravity == "robot_compensates")
     if params.foresees_slip and cycle.gate_shut == 0:
@@ -234,6 +236,7 @@ def _fill_governor(governor: GovernorConfig, params: ControllerParams) -> None:
     estimate.friction, estimate.configured, estimate.kept = Friction[given.friction.upper()], given.friction_limit, KEPT
     estimate.least, estimate.trust = LEAST_SHARE * given.friction_limit, TRUST
     noise = math.hypot(math.sqrt(2.0) * sensor.noise_linear, given.torsional_radius * sensor.noise_angular)
+    estimate.quantum = math.inf if params.slip_input == "flag" else sensor.quantum_linear
     estimate.threshold = max(TUNING.least_slip[0], DEVIATIONS * noise, sensor.quantum_linear)
     estimate.noise_ns = seconds_to_ns(MEAN_S) if params.tare.duration_s > 0.0 else 0
     estimate.witnesses = witnesses(params)

@@ -10,21 +10,46 @@ from enum import IntEnum, unique
 
 from slip_core.records import Real, Record, Vec6, Whole, dtype_of
 
+_AXES = "Let the driver give the velocity of the pad relative to the object on the axes of `ee_frame`."
+_ONCE = "Let the driver publish each measurement once, with its own stamp."
+_UNITS = "Let the driver publish m/s and rad/s; else calibrate it."
+_STAMPS = "Stamp measurements when they are made; synchronise clocks (chrony, ptp); or set `slip_delay_s`."
+_AGAINST = "reads against the friction force: "
+
 
 @unique
 class SensorHealth(IntEnum):
-    """Whether a sensor may be believed; of the slip sensor also how it contradicts the friction force."""
+    """Whether a sensor may be believed; of the slip sensor also the mistake that its readings show.
+
+    Number, words, which name value and limit of what was found, and what to do.
+    """
+
+    _value_: int
+    words: str
+    to_do: str
+
+    def __new__(cls, number: int, words: str = "", to_do: str = "") -> SensorHealth:
+        """Make a member."""
+        member = int.__new__(cls, number)
+        member._value_, member.words, member.to_do = number, words, to_do
+        return member
 
     OK = 0
-    SILENT = 1
-    READS_NOTHING = 2
-    X_INVERTED = 3
-    Y_INVERTED = 4
-    Z_INVERTED = 5
-    INVERTED = 6
-    XY_SWAPPED = 7
-    YZ_SWAPPED = 8
-    ZX_SWAPPED = 9
+    SILENT = 1, "is silent"
+    READS_NOTHING = 2, "reads nothing"
+    X_INVERTED = 3, f"{_AGAINST}x is inverted", _AXES
+    Y_INVERTED = 4, f"{_AGAINST}y is inverted", _AXES
+    Z_INVERTED = 5, f"{_AGAINST}z is inverted", _AXES
+    INVERTED = 6, f"{_AGAINST}all axes are inverted", _AXES
+    XY_SWAPPED = 7, f"{_AGAINST}x and y are swapped", _AXES
+    YZ_SWAPPED = 8, f"{_AGAINST}y and z are swapped", _AXES
+    ZX_SWAPPED = 9, f"{_AGAINST}z and x are swapped", _AXES
+    TURNED = 10, f"{_AGAINST}it is turned by {{value:.0f}} degrees about z", _AXES
+    TURNS_INVERTED = 11, f"{_AGAINST}turning is inverted", _AXES
+    HELD = 12, "values change at {value:.0f} Hz, stamps come at {limit:.0f}", _ONCE
+    LINEAR_UNIT = 13, "reads {value:.3g} times the speed: is its unit m/s?", _UNITS
+    ANGULAR_UNIT = 14, "reads {value:.3g} times the speed of turning: is its unit rad/s?", _UNITS
+    STAMPS = 15, "stamps are {value:+.0f} ms off the motion", _STAMPS
 
 
 class ContactEstimate(Record):

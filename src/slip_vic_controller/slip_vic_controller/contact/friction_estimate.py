@@ -58,6 +58,7 @@ class FrictionConfig(Record):
     probe: Real  # N, eps: load beyond the certified one
     pre_sliding: Real  # m, way that pads give before they slip
     threshold: Real  # m/s, slip speed |S v_s| that counts
+    quantum: Real  # m/s, step of the readings; inf of a flag
     witnesses: Whole  # samples in a row that must show it
     confirmed: Whole  # the same where the observer finds slip too
     quiet_ns: Whole  # without slip for so long, it holds again

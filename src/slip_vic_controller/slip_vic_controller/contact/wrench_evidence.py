@@ -20,21 +20,19 @@ but what a bias of the wrench leaves of a small one.
 from __future__ import annotations
 
 import math
+from enum import IntEnum, unique
 from typing import Final
 
 from slip_core.compiled import part
-from slip_core.records import Mat3, Real, Record, Vec6, Whole, dtype_of
-from slip_core.vectors import Spatial, Vec, mat, put_spatial, spatial
-from slip_vic_controller.contact.estimate import ContactEstimate, SensorHealth
-from slip_vic_controller.contact.friction_estimate import GIVES_M, LEAST_FRICTION
+from slip_core.records import Real, Record, Vec6, Whole, dtype_of
+from slip_core.vectors import Spatial, put_spatial, spatial
+from slip_vic_controller.contact.estimate import ContactEstimate
+from slip_vic_controller.contact.friction_estimate import LEAST_FRICTION
 from slip_vic_controller.sizes import NEVER
 
 MEAN_S: Final = 0.05
 """Memory of the means [s]: noise of a wrench of 0.05 N counts 5 mN in them, which is 10 % of the least load that counts
 where friction carries 0.15 N. A slip is found about as much later."""
-DIFFERS: Final = 0.7
-"""Share of the way slipped by which another mounting must explain its direction better than the configured one: a
-mistake is a difference of 1 or 2, noise of a sample at six standard deviations one of 0.03."""
 SCATTERS: Final = 0.1
 """Share of the load that may be missing [1]: in runs without slip the means lack up to a fifth for moments, never a
 tenth for long."""
@@ -43,8 +41,22 @@ LACKS_S: Final = 0.01
 slips in 1 of 10 runs that have none."""
 
 
+PULLS: Final = 0.5
+"""Share of what friction is taken to carry from which a load at rest beyond that of the model is a hand's: a wrong mass
+or a bias that a tare has left is less, and pads pass on no more than all of it."""
+
+
+@unique
+class Handover(IntEnum):
+    """What the arm does where a hand pulls at the object."""
+
+    HOLD = 0
+    FOLLOW = 1
+    OPEN = 2
+
+
 class WrenchEvidence(Record):
-    """What has been asked of the contact and what it carried, and how the measured slip lies to the friction force."""
+    """What has been asked of the contact, and what it carried."""
 
     begun: Whole  # whether `twist` is known
     twist: Vec6  # m/s, rad/s {w}; of the pad in the cycle before
@@ -54,9 +66,6 @@ class WrenchEvidence(Record):
     sum_s: Real  # S
     spent: Whole  # whether a slip was found, and no load that counts has been carried in full since
     unseen_ns: Whole  # since when the slip sensor has shown nothing of it, NEVER = it has
-    way: Mat3  # m {ee}; of slip, times the direction in which the pad drags the object: sum of v dt d^T
-    length: Real  # m; of that way
-    mounted: Whole  # SensorHealth that it shows
 
 
 WRENCH_EVIDENCE = dtype_of(WrenchEvidence)
@@ -66,8 +75,13 @@ WRENCH_EVIDENCE = dtype_of(WrenchEvidence)
 def start_evidence(state: WrenchEvidence) -> None:
     """Begin: nothing has been asked, and nothing has slipped."""
     state.begun, state.commanded, state.sum_s, state.spent, state.unseen_ns = 0, 0.0, 0.0, 0, NEVER
-    state.twist[:], state.needed[:], state.measured[:], state.way[:] = 0.0, 0.0, 0.0, 0.0
-    state.length, state.mounted = 0.0, SensorHealth.OK.value
+    state.twist[:], state.needed[:], state.measured[:] = 0.0, 0.0, 0.0
+
+
+@part
+def pull(state: WrenchEvidence) -> Spatial:
+    """Return the mean load beyond the one that the pad's motion needs [N] {ee}."""
+    return spatial(state.measured) - spatial(state.needed)
 
 
 @part
@@ -107,44 +121,3 @@ def lacks_load(
     if state.unseen_ns == NEVER:
         state.unseen_ns = stamp_ns
     return True
-
-
-@part
-def compare_directions(state: WrenchEvidence, v: Vec, drags: Vec, dt: float) -> int:
-    """Take in a sample of a slip; return how the sensor is mounted where that is not as configured, else OK.
-
-    Friction opposes slip, whatever its coefficient: the pad slides over the object in the direction in which it drags
-    it. A mounting T explains sum |v| dt (T v^ . d^) of the way; the best one counts.
-
-    Args:
-        state: changed.
-        v: slip velocity on the axes that can slip [m/s] {ee}.
-        drags: force of the pad on the object on these axes [N] {ee}.
-        dt: since the sample before [s].
-    """
-    force = drags.norm()
-    if force == 0.0:
-        return SensorHealth.OK.value
-    d, step = (1.0 / force) * drags, dt * v
-    for i in range(3):
-        for j in range(3):
-            state.way[i, j] += step[i] * d[j]
-    state.length += step.norm()
-    if state.length < GIVES_M:
-        return SensorHealth.OK.value
-    M = mat(state.way)
-    x, y, z = M.x.x, M.y.y, M.z.z
-    better = (
-        -2.0 * x,
-        -2.0 * y,
-        -2.0 * z,
-        -2.0 * (x + y + z),
-        M.x.y + M.y.x - x - y,
-        M.y.z + M.z.y - y - z,
-        M.z.x + M.x.z - z - x,
-    )
-    found, most = SensorHealth.OK.value, DIFFERS * state.length
-    for i in range(len(better)):
-        if better[i] > most:
-            found, most = SensorHealth.X_INVERTED.value + i, better[i]
-    return int(found)

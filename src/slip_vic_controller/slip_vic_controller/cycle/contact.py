@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from slip_core.arrays import Array
+import math
+
 from slip_core.compiled import part
 from slip_core.records import Records
 from slip_core.vectors import Spatial, mat, put_spatial, spatial, vec
@@ -18,7 +19,9 @@ from slip_vic_controller.contact.friction_estimate import (
     suspect,
     take_weaker,
 )
-from slip_vic_controller.contact.wrench_evidence import compare_directions, lacks_load
+from slip_vic_controller.contact.slip_health import DIFFERS, add_reading, judge_health
+from slip_vic_controller.contact.wrench_evidence import Handover, lacks_load
+from slip_vic_controller.cycle.judging import pulls
 from slip_vic_controller.governor import governor
 from slip_vic_controller.governor.grip import load_ahead, load_to_hold, squeeze
 from slip_vic_controller.governor.layouts import GovernorConfig
@@ -27,6 +30,7 @@ from slip_vic_controller.law.arm import Arm
 from slip_vic_controller.law.contact import contact_arm, pad_rotation
 from slip_vic_controller.law.gains import LawGains
 from slip_vic_controller.law.internal import sharing
+from slip_vic_controller.safety.conditions import Reason
 from slip_vic_controller.sizes import NEVER
 from slip_vic_controller.state import ArmState, ControllerConfig, CycleOutputs, TaskState
 
@@ -45,6 +49,7 @@ def held(config: ControllerConfig, state: ArmState, gains: LawGains) -> Held:
 @part
 def begin_pad(config: ControllerConfig, state: ArmState, arm: Arm, gains: LawGains) -> None:
     """Initialise a pad: its load is that of the object at rest."""
+    state.grip.opens = 0
     grip, weighed = state.grip.actual / config.grip.nominal_force, state.tare.mass_share != 0.0
     at_rest = size(weight(held(config, state, gains), mat(arm.rotation)))
     governor.start_pad(config.governor, state.pad, at_rest, bool(weighed), grip)
@@ -60,13 +65,16 @@ def hold_on(config: ControllerConfig, task: TaskState, state: ArmState, dt: floa
     pad.contact.F_risk = config.governor.friction.configured * certain_share(pad.belief, config.grip.risk)
     needed = load * config.grip.nominal_force / pad.contact.F_risk
     squeeze(config.grip, state.grip, needed, sliding(pad.belief) > BELIEF_TUNING.slides, dt)
-    pad.grip = state.grip.actual / config.grip.nominal_force
+    if pulls(config, state, Handover.OPEN.value, state.now_ns):
+        state.grip.opens = 1
+    if state.grip.opens == 0:  # open, it carries nothing
+        pad.grip = state.grip.actual / config.grip.nominal_force
 
 
 @part
-def scaled_slip(config: GovernorConfig, twist: Array) -> Spatial:
+def scaled_slip(config: GovernorConfig, twist: Spatial) -> Spatial:
     """Return S v_s of a slip twist on the slip axes, turning as a speed at the torsional radius [m/s]."""
-    v = spatial(config.slip_axes) * spatial(twist)
+    v = spatial(config.slip_axes) * twist
     return Spatial(v.linear, config.radius * v.angular)
 
 
@@ -89,14 +97,14 @@ def estimate_contact(
     certify(limits.friction, contact, friction, stamp_ns)
     found = bool(config.has_observer != 0 and state.observer.sliding != 0)
     for k in range(state.queue.count):
-        sample, before_ns = state.queue.samples[k], friction.last_ns
-        slip = scaled_slip(limits, sample.twist)
+        sample = state.queue.samples[k]
+        slip = scaled_slip(limits, spatial(sample.twist))
         slip_sample(limits.friction, contact, friction, sample.stamp_ns, slip, found)
         if config.grip.follow != 0:
             see_slip(pad.belief, sample.stamp_ns, size(slip), limits.friction.threshold)
-        if alone and contact.slipping != 0 and NEVER < before_ns <= sample.stamp_ns:
-            drags, passed_s = -vec(evidence.measured), 1e-9 * (sample.stamp_ns - before_ns)
-            evidence.mounted = compare_directions(evidence, slip.linear, drags, passed_s)
+        if alone and limits.friction.quantum != math.inf:
+            add_reading(pad.sensor, sample.stamp_ns, slip, -spatial(evidence.measured), contact.slipping != 0)
+            judge_health(pad.sensor, DIFFERS, limits.friction.quantum)
     if alone and dt > 0.0:
         weigh_evidence(config, state, outputs, measured, dt)
     put_certain(limits.friction, contact)
@@ -107,8 +115,8 @@ def estimate_contact(
     contact.age_ns = stamp_ns - state.slip_inputs[0].stamp_ns
     contact.wrench_health = SensorHealth.SILENT.value if state.wrench_modelled != 0 else SensorHealth.OK.value
     contact.slip_health = SensorHealth.SILENT.value if unknown else SensorHealth.OK.value
-    if evidence.mounted != SensorHealth.OK:
-        contact.slip_health = evidence.mounted
+    if pad.sensor.found != SensorHealth.OK:
+        contact.slip_health = pad.sensor.found
     elif evidence.unseen_ns != NEVER and contact.age_ns + limits.friction.quiet_ns < stamp_ns - evidence.unseen_ns:
         contact.slip_health = SensorHealth.READS_NOTHING.value
 
@@ -127,6 +135,8 @@ def weigh_evidence(
         a = (1.0 / dt) * (v_ee - spatial(evidence.twist))
         needed = load(held(config, state, outputs.gains), mat(motion.rotation), v_ee.angular, a)
         F = pad.grip * pad.contact.first
+        if state.conditions[Reason.HAND].since_ns != NEVER:
+            evidence.sum_s = 0.0  # what the hand carries is no load that is missing
         if lacks_load(evidence, pad.contact, pad.commanded, needed, measured, F, stamp_ns, dt):
             learn_carried(limits.friction, pad.contact, pad.friction, pad.contact.lacks / pad.grip)
     put_spatial(evidence.twist, v_ee)

@@ -25,7 +25,6 @@ from slip_vic_controller.safety.conditions import (
     Missing,
     Reason,
     Why,
-    because,
     of_fault,
     passed_ns,
     read_why,
@@ -61,7 +60,7 @@ def decide(c: ArmCycle, alone: bool, together: AtRest) -> None:
     if state.law.known == 0 and not usable(fault):
         missing |= Missing.GOOD_JOINT_STATE.value
     if missing != 0:
-        wait(c, because(Reason.WAITS.value, missing))
+        wait(c, Why(Reason.WAITS.value, fault, 0, int(missing), 0.0, 0.0))
         return
     _classify_inputs(c, fault, alone)
     good, restarts = outputs.health.wrench == Reason.NONE, state.law.known == 0
@@ -135,6 +134,10 @@ def _classify_inputs(c: ArmCycle, fault: int, alone: bool) -> None:
             health.slip = max(health.slip, vector_validity(config.slip, slip, inputs.now_ns, stamp_ns, moves))
         put_time(outputs.ledger, 3 + 4 * k, wrench.stamp_ns)
         put_time(outputs.ledger, 5 + 4 * k, slip.stamp_ns)
+    # What both sensors lag behind is the joint state's clock.
+    stale = health.wrench == Reason.STALE and health.slip == Reason.STALE
+    if stale and health.outside == Reason.NONE and not follows(state.mode.mode):
+        health.outside = Reason.AHEAD.value
     if alone:
         health.outside = Reason.OTHER_ARM.value
 

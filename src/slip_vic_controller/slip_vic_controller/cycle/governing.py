@@ -63,6 +63,18 @@ def rest_on_path(config: ControllerConfig, task: TaskState, arm: Arm, held_still
 
 
 @part
+def give_way(config: ControllerConfig, task: TaskState, arm: Arm) -> None:
+    """Let the path be where the pad is, so that nothing pulls it back: a hand moves it."""
+    here = Reference(vec(arm.position), mat(arm.rotation), NOTHING, NOTHING)
+    if config.follows_goals != 0:
+        rest_at(task.goal, here)
+        governor.start_path(config.governor, task.governor)
+    else:
+        task.reference_known = 1
+        put_reference(task.reference, here)
+
+
+@part
 def path_at(config: ControllerConfig, task: TaskState, state: ArmState, time: float) -> Reference:
     """Return the trajectory as planned at its own time [s]: the built-in one, the stream, or the way to the goal."""
     if config.follows_stream != 0:

@@ -6,13 +6,18 @@ then the path comes to rest, and the law continues with the prediction, or witho
 
 from __future__ import annotations
 
+import math
+
 from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.vectors import spatial
 from slip_vic_controller.arm.estimator import unseen_ns
 from slip_vic_controller.arm.tare import moved_joint
 from slip_vic_controller.contact.estimate import SensorHealth
+from slip_vic_controller.contact.wrench_evidence import PULLS, pull
+from slip_vic_controller.governor.plan import Governing
 from slip_vic_controller.law.extensions import FASTEST_M_S, slip_speed
+from slip_vic_controller.path.goals import GoalPhase
 from slip_vic_controller.safety.conditions import (
     NOTHING,
     Health,
@@ -165,7 +170,12 @@ def find_hindrances(config: ControllerConfig, task: TaskState, state: ArmState, 
     health = contact.slip_health
     nothing = Why(Reason.READS_NOTHING.value, 0, 0, 0, contact.needs, contact.lacks)
     see(rows, nothing, health == SensorHealth.READS_NOTHING, now_ns)
-    see(rows, because(Reason.MISMOUNTED.value, health), health > SensorHealth.READS_NOTHING, now_ns)
+    mistake = Why(Reason.SLIP_SENSOR.value, 0, 0, health, state.pad.sensor.value, state.pad.sensor.limit)
+    see(rows, mistake, health > SensorHealth.READS_NOTHING, now_ns)
+    load = pull(state.pad.evidence)
+    pulled, F = math.sqrt(load.dot(load)), state.pad.grip * contact.F_median
+    hand = config.law.contacts == 1 and rests_at_end(config, task) and pulled > PULLS * F
+    see(rows, Why(Reason.HAND.value, 0, 0, 0, pulled, F), hand, now_ns)
     given_up, waits = state.law.given_up.left_s > 0.0, state.observed.path_speed < 1.0 or task.path.scale < 1.0
     see(rows, because(Reason.OVERRUNS.value, 0), governor.overrun != 0, now_ns)
     see(rows, because(Reason.ENDLESS_SLIP.value, 0), governor.endless != 0, now_ns)
@@ -179,6 +189,22 @@ def find_hindrances(config: ControllerConfig, task: TaskState, state: ArmState, 
     if why.reason != Reason.RANGE_END:
         hindered, why = False, because(Reason.RANGE_END.value, 0)
     see(rows, why, hindered, now_ns)
+
+
+@part
+def rests_at_end(config: ControllerConfig, task: TaskState) -> bool:
+    """Return whether a governed path, or one to a goal, is over: then the object needs its weight alone."""
+    path, phase = task.governor, task.goal.phase
+    over = path.arrived != 0
+    if config.follows_goals != 0:
+        over = phase == GoalPhase.RESTS or phase == GoalPhase.REACHED
+    return bool(config.governor.mode != Governing.OFF and over and path.out_rate == 0.0)
+
+
+@part
+def pulls(config: ControllerConfig, state: ArmState, handover: int, now_ns: int) -> bool:
+    """Return whether a hand pulls at the object, and the arm is configured to do this about it."""
+    return bool(config.handover == handover and lasted(config.conditions, state.conditions, Reason.HAND.value, now_ns))
 
 
 @part

@@ -6,10 +6,13 @@ import numpy as np
 
 from slip_core.cholesky import all_finite
 from slip_core.compiled import part
+from slip_core.vectors import mat
 from slip_vic_controller.arm.command import Interface
+from slip_vic_controller.contact.wrench_evidence import Handover, pull
 from slip_vic_controller.cycle.contact import held
-from slip_vic_controller.cycle.governing import follow_goal, governed_reference, guard
+from slip_vic_controller.cycle.governing import follow_goal, give_way, governed_reference, guard
 from slip_vic_controller.cycle.holding import fail, keep_joints
+from slip_vic_controller.cycle.judging import pulls
 from slip_vic_controller.cycle.limit import finish
 from slip_vic_controller.cycle.sensing import put_twist_of_joints
 from slip_vic_controller.cycle.wrench import put_own_wrench
@@ -26,11 +29,18 @@ from slip_vic_controller.state import ArmCycle
 def follow(c: ArmCycle) -> None:
     """Let the law command the arm, on what `sense` has found."""
     config, task, state, inputs, outputs = c.config, c.task, c.state, c.inputs, c.outputs
+    follows_hand = c.lead and pulls(config, state, Handover.FOLLOW.value, inputs.now_ns)
+    if follows_hand:
+        give_way(config, task, inputs.arm)
     sample, n, axes, law = state.joint.answers, config.law.joints, config.law.contact[0].slip_axes, outputs.law
     dt_ns = max(sample.stamp_ns - state.law.stamp_ns, 0)
     if not _reference(c):
         fail(c, Reason.BAD_REFERENCE.value)
         return
+    if follows_hand:  # the law cancels the wrench: what the hand adds to it is to move M_D
+        push = mat(inputs.arm.rotation) @ pull(state.pad.evidence).linear
+        for i in range(3):
+            outputs.reference.acceleration[i] += push[i] / outputs.gains.gains.M_D[i]
     q, qd, own = sample.position, sample.velocity, state.law
     evaluate(config.law, inputs.arm, q, qd, own.posture, own.e_previous, outputs)
     factor = guard(config, task, state, inputs.arm, outputs, held(config, state, outputs.gains))

@@ -19,6 +19,7 @@ from slip_core.vectors import NOTHING, Spatial, Vec, put_spatial
 from slip_vic_controller.contact.belief import start_belief
 from slip_vic_controller.contact.estimate import SensorHealth
 from slip_vic_controller.contact.friction_estimate import start_friction
+from slip_vic_controller.contact.slip_health import start_health
 from slip_vic_controller.contact.wrench_evidence import start_evidence
 from slip_vic_controller.governor.layouts import GovernedPad, Governor, GovernorConfig
 from slip_vic_controller.governor.load import Held
@@ -83,6 +84,7 @@ def start_pad(config: GovernorConfig, pad: GovernedPad, at_rest: float, weighed:
     rests_with = at_rest / (grip * config.path_margin) if weighed else 0.0
     start_friction(config.friction, pad.contact, pad.friction, at_rest / grip, rests_with)
     start_evidence(pad.evidence)
+    start_health(pad.sensor)
     pad.contact.v_s[:], pad.contact.variance[:], pad.contact.age_ns = 0.0, 0.0, 0
     pad.contact.slip_health = pad.contact.wrench_health = SensorHealth.OK.value
     pad.contact.needs = pad.contact.lacks = 0.0

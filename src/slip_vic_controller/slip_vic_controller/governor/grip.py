@@ -41,6 +41,7 @@ class Grip(Record):
 
     command: Real  # N
     actual: Real  # N, what the gripper is taken to hold with
+    opens: Whole  # whether it was opened for a hand, until the law begins again
 
 
 @part
@@ -92,4 +93,4 @@ def squeeze(config: GripConfig, grip: Grip, needed: float, slides: bool, dt: flo
     wanted = min(max(needed + config.error_force, config.least_force), config.cap)
     kept = math.exp(-dt / SINKS_S)
     moved = grip.command / kept if slides else wanted + kept * (grip.command - wanted)
-    grip.command = min(max(wanted, moved), config.cap)
+    grip.command = kept * grip.command if grip.opens != 0 else min(max(wanted, moved), config.cap)

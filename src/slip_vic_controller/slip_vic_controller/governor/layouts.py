@@ -9,6 +9,7 @@ from slip_core.records import Real, Record, Vec3, Vec6, Whole, dtype_of
 from slip_vic_controller.contact.belief import Belief
 from slip_vic_controller.contact.estimate import ContactEstimate
 from slip_vic_controller.contact.friction_estimate import FrictionConfig, FrictionEvidence
+from slip_vic_controller.contact.slip_health import SlipEvidence
 from slip_vic_controller.contact.wrench_evidence import WrenchEvidence
 from slip_vic_controller.sizes import ROOM
 
@@ -80,6 +81,7 @@ class GovernedPad(Record):
     friction: FrictionEvidence
     evidence: WrenchEvidence
     belief: Belief
+    sensor: SlipEvidence
     contact: ContactEstimate
 
 

@@ -68,6 +68,7 @@ class ArmReport:
             self._send_timing = create_sender(node, "controller/timing", forms.scalars(SCALARS))
             self._senders.append(self._send_timing)
         self._last: tuple[Mode, tuple[int, ...], str] | None = None
+        self._logged: set[str] = set()
         self._incidents = IncidentWatch()
         self._mode_period = self._timing_period = -1
         """Periods in which they were last on /diagnostics; those of the timing begin half a period later, since both
@@ -129,8 +130,11 @@ class ArmReport:
         if now != self._last:
             line = f"{mode.name}: {reason}" if reason else mode.name
             self._mode.publish(to_msgs.string(line))
-            if self._last is None or mode != self._last[0]:  # another reason for the same mode is on the topic alone
+            # Another reason for the same mode is on the topic alone; but what it waits for is logged once each.
+            waits = mode == Mode.WAITING_INPUT and line not in self._logged
+            if self._last is None or mode != self._last[0] or waits:
                 self._log(LEVELS[mode], of_arm + line)
+                self._logged.add(line)
         self._last = now
         self._publish_status(stamp_ns, "mode", *self._mode_status(result, reason))
 

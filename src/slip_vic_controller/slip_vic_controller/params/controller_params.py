@@ -243,6 +243,10 @@ class ControllerParams(ArmParams):
     wrench: WrenchParams = Field(default_factory=WrenchParams)
     effort: EffortParams = Field(default_factory=EffortParams)
     grip: GripParams = Field(default_factory=GripParams)
+    handover: Literal["hold", "follow", "open"] = parameter(
+        "hold", "where a hand pulls at the object at the end of a governed path: hold it; follow, and stay where the "
+        "hand lets go; open the grip (grip.control follow)",
+    )  # fmt: skip
     governor: GovernorParams = Field(default_factory=GovernorParams)
     nullspace: NullspaceParams = Field(default_factory=NullspaceParams)
     singularity: SingularityParams = Field(default_factory=SingularityParams)
@@ -256,6 +260,8 @@ class ControllerParams(ArmParams):
                 raise ValueError("grip.control follow needs a path that is looked ahead on: set governor.mode")
             if self.grip.cap < self.grip.nominal_force:
                 raise ValueError(f"grip.cap {self.grip.cap} must not be below grip.nominal_force")
+        elif self.handover == "open":
+            raise ValueError("handover open needs a grip that is commanded: set grip.control follow")
         return self
 
     @property

@@ -37,7 +37,10 @@ _JOINT = (
 _RUNAWAY = "A wrong sign or frame of the wrench, or gains too high for a delay? Then `~/reset_fault`."
 _MODEL = "Clear the arm; check `object.mass`, the URDF's masses, `effort.gravity`, offsets; then `~/reset_fault`."
 _BRAKE = "Release its brake, clear the arm, or raise `disturbance.limit`: friction is above the effort."
-_BIAS = "Zero the named sensor, or fix it; then `~/tare`. Where the bias is its own, raise `tare.*`."
+_BIAS = (
+    "Zero the named sensor, or fix it; then `~/tare`. Are its units m/s, rad/s, N, N m? Where the bias is its own, "
+    "raise `tare.*`."
+)
 _RANGE = "The path takes the joint farther than it goes: start in another posture (`slip-vic arm FILE` finds one)."
 _SLIP_SENSOR = (
     "Look at the slip sensor: it reads zero, not this contact, or on other axes than those of the pad. Where it is "
@@ -83,9 +86,11 @@ class Reason(IntEnum):
 
     NONE = 0
     # -- what is wrong with a sample or an input: said of the input in whose row it stands
+    UNSTAMPED = 1, "has no stamp", "Let its driver fill `header.stamp` with the time of measurement: it is zero."
     REFUSED = 2, "is refused", "Compare joint names, sizes and `frame_id` with the parameters."
     NOT_FINITE = 3, "is not finite", "The driver sends NaN: a fault of its own, or a division by zero."
     ABSURD = 4, "is absurdly large", "Wrong unit (mm, N mm, degrees)? Else raise `safety.inputs.*`."
+    AHEAD = 5, "is ahead of all others: joint_states", "Two clocks: synchronise them (chrony, ptp)."
     OUT_OF_ORDER = 6, "is out of order", "Two publishers, or a driver that repeats samples or its stamps."
     FUTURE = 8, "is ahead of the joint state", "Two clocks: synchronise them (chrony, ptp)."
     CLOCK_JUMP = 9, "has a stamp that has jumped", "The clock was set. Wait, or use a clock that slews."
@@ -164,8 +169,16 @@ class Reason(IntEnum):
         _SLIP_SENSOR,
         _DEGRADED,
     )
-    # which: the contact's SensorHealth of the slip sensor
-    MISMOUNTED = 68, "slip_velocity reads against the friction force, {mounted}", _SLIP_SENSOR, _DEGRADED
+    # which: the contact's SensorHealth of the slip sensor, with its numbers
+    SLIP_SENSOR = 68, "slip_velocity {mistake}: continuing without it", _SLIP_SENSOR, _DEGRADED
+    # value: load beyond that of the model [N]
+    HAND = (
+        69,
+        "a hand pulls at the object: {value:.2f} N beyond its weight",
+        "Let go, or choose what the arm does: `handover`. Nobody there? `object.mass`, or a bias: `~/tare`.",
+        _DEGRADED,
+        0.2,
+    )
     OVERRUNS = 70, "friction is too low to stop on the path", "More grip, or more `governor.margin`.", _DEGRADED
     ENDLESS_SLIP = 71, "slip that does not end: the path goes on without it", "`~/tare` at rest.", _DEGRADED
     GIVEN_UP = 72, "compensation off: the object slips fast all the same", "Check `object.mass`.", _DEGRADED
@@ -200,14 +213,14 @@ class Prefix(IntEnum):
 
 
 MISSING = (
-    *("activation", "a good joint state", "joint_states"),
+    *("activation", "a good joint state{it}", "joint_states"),
     *(f"{name} of contact {k}" for name in ("wrench", "slip") for k in range(MAX_CONTACTS)),
 )
 SENSORS = (
     *("the slip sensor [m/s]", "the slip sensor [rad/s]", "the wrench sensor [N]", "the wrench sensor [N m]"),
     "the joint velocity [rad/s]",
 )
-MOUNTED = tuple(health.name.lower().replace("_", " ") for health in SensorHealth)
+MISTAKES = tuple(health.words for health in SensorHealth)
 
 
 class WhyRecord(Record):
@@ -351,14 +364,19 @@ def first(config: ConditionsConfig, rows: Records[Condition], now_ns: int) -> Wh
 
 def describe(why: Why | WhyRecord | Any, joint_names: Sequence[str]) -> str:
     """Return the words for it; an empty text where there is nothing."""
+    fault = Reason(why.fault).words
     text = Reason(why.reason).words.format(
         value=why.value,
         limit=why.limit,
         which=why.which,
         joint=_name(why.which, joint_names),
-        fault=Reason(why.fault).words,
-        missing=", ".join(word for bit, word in enumerate(MISSING) if why.which >> bit & 1),
-        mounted=_word(MOUNTED, why.which),
+        fault=fault,
+        missing=", ".join(
+            word.format(it=f" (it {fault})" if fault else "")
+            for bit, word in enumerate(MISSING)
+            if why.which >> bit & 1
+        ),
+        mistake=_word(MISTAKES, why.which).format(value=why.value, limit=why.limit),
         sensor=_word(SENSORS, why.which),
     )
     if why.prefix & Prefix.ASKED_AND:

@@ -141,6 +141,8 @@ def receive_vector(
     fault, v = Reason.NONE.value, spatial(values)
     if refused:
         fault = Reason.REFUSED.value
+    elif stamp_ns == 0 and joint.last.stamp_ns > limits.age_ns:
+        fault = Reason.UNSTAMPED.value
     elif state.known != 0 and stamp_ns <= state.stamp_ns:
         fault = Reason.OUT_OF_ORDER.value
     elif joint.known != 0 and stamp_ns > joint.last.stamp_ns + limits.future_ns:

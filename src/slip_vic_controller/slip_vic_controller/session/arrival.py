@@ -39,7 +39,11 @@ def receive_joint_state(
     """
     c, s = record(config, CONFIG), record(state, ARM_STATE)
     one_source, position, velocity = s.outside != Reason.SECOND_PUBLISHER, q.copy(), qd.copy()
-    fault = receive_joints(c.joint, s.joint, stamp_ns, position, velocity, effort, refused, now_ns, one_source)
+    if stamp_ns == 0 and not lockstep:
+        s.joint.counts[Reason.UNSTAMPED] += 1
+        fault = Reason.UNSTAMPED.value
+    else:
+        fault = receive_joints(c.joint, s.joint, stamp_ns, position, velocity, effort, refused, now_ns, one_source)
     s.estimate.alone = s.joint.without
     if fault == Reason.RESTARTED:
         for k in range(c.law.contacts):
@@ -111,7 +115,7 @@ def begin_answer(
         use_estimate(c.estimator, s.estimate, s.joint.answers)
         return True
     foreign = fault == Reason.JUMP and s.outside == Reason.SECOND_PUBLISHER
-    if s.law.known == 0 or unanswered(fault) or foreign:
+    if s.law.known == 0 or unanswered(fault) or foreign or fault == Reason.UNSTAMPED:
         return False
     if not replace_sample(c.estimator, s.estimate, s.joint.answers):
         return False

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Final
 
@@ -11,7 +10,7 @@ import click
 
 from slip_core.arrays import Array
 from slip_sim_bridge.params import HOLD_STIFFNESS
-from slip_vic.setup.bringup.heard import BRIDGE, Heard
+from slip_vic.setup.bringup.heard import BRIDGE, Heard, joined
 
 if TYPE_CHECKING:
     from slip_vic.setup.bringup.ros_system import RosSystem
@@ -23,11 +22,7 @@ PUSH_N: Final = 3.0
 NO_TORQUE: Final = (0.0, 0.0, 0.0)
 TURN: Final = 0.03  # [rad, m]
 FIRM_N: Final = 40.0
-CARRIES: Final = 4.0  # times the weight: slip then points within 15 degrees of the pull
-STEPS: Final = 20
-GROWTH: Final = 1.12
-STEP_S: Final = 0.06
-SEEN_S: Final = 0.14  # until a slow sensor has reported it
+LIGHTLY: Final = 1e-3  # of the grip of use: the object stays where it is supported
 
 
 class Person:
@@ -54,9 +49,10 @@ class Person:
         """Ask for a push of the object; direction: (3,) {w}."""
         return self._during(f"push the object steadily along {words} of the arm's base")
 
-    def pull(self, words: str, direction: Array, weight: float, slips: Callable[[Heard], bool]) -> list[Heard]:
-        """Ask for a pull through the pads until it slips; direction: (3,) {w}; weight: along the pads [N]."""
-        return [self._during(f"pull the object through the pads, some millimetres along {words} of ee_frame", 0.0)]
+    def slide(self, words: str, turns: bool, lean: Array, support: Array) -> Heard:
+        """Ask for a motion of the hand with the object held fast, some 10 mm or 20 degrees."""
+        what = "turn the hand by some 20 degrees about" if turns else "move the hand by some 10 mm along"
+        return self._during(f"grip lightly, hold the object fast, {what} {words} of ee_frame and back", 0.0)
 
     def grip(self, *, firmly: bool) -> None:
         """Ask for a grip, firm or as in use, with the object where it belongs."""
@@ -79,7 +75,6 @@ class Simulated:
 
     def __init__(self, system: RosSystem, grip: float) -> None:
         self._system, self._grip = system, grip
-        self._friction = system.params.governor.friction_limit / system.params.grip.nominal_force
 
     def ready(self, words: str) -> None:
         """Continue: nobody stands beside a simulated arm."""
@@ -94,22 +89,20 @@ class Simulated:
         """Push with `PUSH_N`."""
         return self._leaning("push.wrench", [*(PUSH_N * direction).tolist(), *NO_TORQUE])
 
-    def pull(self, words: str, direction: Array, weight: float, slips: Callable[[Heard], bool]) -> list[Heard]:
-        """Jerk harder each time, until it slips, on a grip that carries so much that the weight hardly turns it."""
-        carried = max(CARRIES * weight, self._friction * self._grip)
-        self._tune("grip.force", carried / self._friction)
-        heard: list[Heard] = []
-        for step in range(STEPS):
-            jerk = partial(
-                self._tune, "push.wrench", [*(0.6 * GROWTH**step * carried * direction).tolist(), *NO_TORQUE]
-            )
-            try:  # it may slip before the simulation has answered
-                heard.append(self._system.listen(STEP_S, jerk))
-            finally:
-                heard.append(self._system.listen(SEEN_S, partial(self._tune, "push.wrench", [0.0] * 6)))
-            if slips(heard[-2]) or slips(heard[-1]):
-                break
-        return heard
+    def slide(self, words: str, turns: bool, lean: Array, support: Array) -> Heard | None:
+        """Lean on the arm with an effort (n,) [N m], and support the object (6,) [N, N m] {w}; None: see `turn`."""
+        if self._system.params.command.interface != "effort":
+            return None
+        self._tune("grip.force", LIGHTLY * self._grip)
+        self._tune("push.wrench", support.tolist())
+        try:
+            there = self._system.listen(SETTLED_S, partial(self._tune, "push.effort", lean.tolist()))
+            back = self._system.listen(SETTLED_S, partial(self._tune, "push.effort", [0.0] * len(lean)))
+        finally:
+            self._tune("push.effort", [0.0] * len(lean))
+            self._tune("push.wrench", [0.0] * 6)
+            self.grip(firmly=True)
+        return joined((there, back))
 
     def grip(self, *, firmly: bool) -> None:
         """Put the object back where it belongs, then grip: a reset begins with the simulation's own grip."""

@@ -15,8 +15,10 @@ from slip_core.errors import InputError, SlipVicError
 from slip_core.params import nested_names
 from slip_core.records import new, record
 from slip_core.vectors import mat
+from slip_sim_bridge.params import HOLD_STIFFNESS
 from slip_vic.setup.bringup.hands import Hands
 from slip_vic.setup.bringup.heard import Heard, Status, Track, joined
+from slip_vic.setup.slip_sensor import SLIP_SPEED, slide_mistake
 from slip_vic_controller.interfaces import WRENCH_SENSOR, fill_wrench_sensor, wrench_at_pad
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.robot import Robot
@@ -35,7 +37,6 @@ RATE_SLACK: Final = 0.2
 RESTING_SPEED: Final = 0.02  # [rad/s], of the mean, which noise of a velocity does not move
 NO_NOISE: Final = 1e-9  # rounding, not a sensor's noise
 SLIP_OFFSET: Final = 5e-3  # [m/s]: half of what opens the law's gate with its default steepness
-SLIP_SPEED: Final = 0.01  # [m/s] that counts as slip while a person pulls
 SIGMAS: Final = 4.0
 NOISE_SHARE: Final = 0.4  # of the friction limit: above it white noise alone looks like slip (docs/sensors.md)
 WEIGHT_SLACK: Final = 0.2
@@ -44,6 +45,8 @@ TURNED: Final = math.radians(10.0)  # of a weight
 ASKEW: Final = math.radians(35.0)  # of a push by hand
 LEAST_TURN: Final = 0.01  # [rad, m]: of a joint that is moved by hand
 LEAST_PUSH: Final = 0.5  # [N]
+SLID, SPUN = 0.015, 0.1  # [m], [rad]: by which the simulated hand moves and turns that of the arm
+LEAST_SLIDE: Final = 5e-3  # [m]
 SAG: Final = 0.02  # [rad, m]: in HOLD with its stiffness
 DRIFT: Final = 0.05  # [rad, m]: in 5 s without stiffness
 MISSED: Final = 0.01  # [m]: of the first motion's goal
@@ -181,7 +184,10 @@ class Walk:
             f"{1e3 * SLIP_OFFSET:.0f} mm/s",
             (not speed < RESTING_SPEED, "let the arm come to rest"),
             (math.isnan(offset), "the slip sensor reports that it does not measure: see its own messages"),
-            (not offset < SLIP_OFFSET, "the slip sensor reads slip where there is none: calibrate it"),
+            (
+                not offset < SLIP_OFFSET,
+                "the slip sensor reads slip where there is none: calibrate it; is its unit m/s?",
+            ),
             (not force < most, "filter the wrench in its driver, or grip harder and set governor.friction_limit"),
         )
 
@@ -231,7 +237,7 @@ class Walk:
     # -- a person pushes ---------------------------------------------------------------------------
 
     def _by_hand(self) -> Iterator[Verdict]:
-        hands, axes = self._hands, self._params.contacts.slip_axes
+        hands = self._hands
         before = self._system.listen(WATCHED_S)
         for joint in range(len(self._params.joint_names)):
             turned = hands.turn(joint, self._inertia(before.position))
@@ -241,13 +247,34 @@ class Walk:
             rest = self._wrench(before)[0]
             for axis, direction in zip(AXES, np.eye(3), strict=True):
                 yield self._pushed(axis, self._wrench(hands.push(axis, direction))[0] - rest, direction)
-        R = self._robot.frame(before.position)[1]
-        along = (R.T @ self._weight(before.position)[0]) * axes[:3]
-        for k, axis in enumerate(AXES):
-            if axes[k]:
-                heard = hands.pull(axis, R[:, k], float(np.linalg.norm(along)), self._slips)
-                yield self._pulled(axis, self._slipped(joined(heard), least=self._noticed), np.eye(3)[k])
-                hands.grip(firmly=True)
+        yield self._slid(before)
+
+    def _slid(self, before: Heard) -> Verdict:
+        """Judge the slip sensor by the motion of the pad on an object that is held fast."""
+        params, q, heard = self._params, before.position, list[Heard]()
+        axes, radius = np.array(params.contacts.slip_axes[:6], float), params.governor.torsional_radius
+        R, J = self._robot.frame(q)[1:]
+        support = np.concatenate(self._wrench(before) if self._has_wrench else self._weight(q))
+        for k in np.flatnonzero(axes):
+            way = np.zeros(6)
+            way[3 * (k // 3) :][:3] = (SLID if k < 3 else SPUN) * R[:, k % 3]
+            lean = HOLD_STIFFNESS * self._inertia(q) @ np.linalg.pinv(J) @ way
+            slid = self._hands.slide(AXES[k % 3], bool(k >= 3), lean, -support)
+            heard += [slid] if slid is not None else []
+        step, expected = "slide", "the motion of the pad on the object"
+        if not heard:
+            return Verdict(step, "not moved: its drives hold against the simulated hand", expected)
+        joints, _, slip, _ = joined(heard)
+        scale = axes * np.repeat([1.0, radius], 3)
+        words, to_do, moved, read = slide_mistake(self._robot, joints, slip, scale, self._noticed)
+        return judge(
+            step,
+            f"slip_velocity {words}" if words else f"{1e3 * read:.0f} mm of {1e3 * moved:.0f} mm slid",
+            expected,
+            (moved < LEAST_SLIDE, "move the hand further, with the object held fast"),
+            (read == 0.0, "no slip was measured: grip less, and look at the sensor"),
+            (bool(words), to_do),
+        )
 
     def _turned(self, joint: int, moved: Array | None) -> Verdict:
         """Judge which joint has moved, and which way, when one was turned by hand in its positive sense."""
@@ -286,18 +313,6 @@ class Walk:
             (turn > ASKEW, "it is turned: wrench.frame or wrench.rpy"),
         )
 
-    def _pulled(self, axis: str, slipped: Array, direction: Array) -> Verdict:
-        """Judge what the slip sensor read when the object was pulled through the pads; (3,) [m] {ee}, (3,) {ee}."""
-        turn, far = angle(slipped, -direction), float(np.linalg.norm(slipped))
-        return judge(
-            f"pull {axis}",
-            f"{1e3 * far:.1f} mm along {_text(slipped / max(far, 1e-12))}",
-            "the pad moves on the object the other way",
-            (far == 0.0, "no slip was measured: pull further, or grip less"),
-            (turn > math.pi - ASKEW, "it reads the object relative to the pad: change the sign of all its readings"),
-            (turn > ASKEW, "its axes are not those of ee_frame: turn them in the driver"),
-        )
-
     def _inertia(self, q: Array) -> Array:
         arm = new(ARM)
         self._robot.terms(q, np.zeros(len(q)), arm)
@@ -308,14 +323,10 @@ class Walk:
         """The slip speed [m/s] that no noise explains."""
         return max(SLIP_SPEED, 6.0 * self._slip_noise)
 
-    def _slips(self, heard: Heard) -> bool:
-        return bool((np.linalg.norm(heard.slip.values[:, :3], axis=1) > self._noticed).any())
-
-    def _slipped(self, heard: Heard, *, least: float = 0.0) -> Array:
-        """Return how far the pad has moved on the object, by slip speeds above `least` [m/s]; (3,) [m] {ee}."""
-        stamps, v = heard.slip.stamp, heard.slip.values[:, :3]
-        steps = np.diff(stamps, prepend=stamps[:1]) * (np.linalg.norm(v, axis=1) > least)
-        return np.asarray(np.nansum(v * steps[:, None], axis=0))
+    def _slipped(self, heard: Heard) -> Array:
+        """Return how far the pad has moved on the object by the sensor; (3,) [m] {ee}."""
+        steps = np.diff(heard.slip.stamp, prepend=heard.slip.stamp[:1])
+        return np.asarray(np.nansum(heard.slip.values[:, :3] * steps[:, None], axis=0))
 
     # -- the controller holds the arm --------------------------------------------------------------
 

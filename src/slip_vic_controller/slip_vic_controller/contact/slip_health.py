@@ -1,0 +1,166 @@
+"""Health of the slip sensor: direction, rate, unit and stamps of its readings against what is known of the slip.
+
+The same code answers in the control cycle, in a bring-up and of a bag; `SensorHealth` has the words. What is known:
+
+- Friction opposes slip, so the pad slides over the object in the direction d in which it drags it, whatever the
+  coefficient. With M = sum v dt d^T over the way slipped, a mounting T explains tr(T M) of that way; the best counts.
+- Measured values differ: a value that comes again under new stamps was held.
+- Where the object is held fast, as in a bring-up, the readings are the motion of the pad itself. The lag at which its
+  speed explains most of theirs is that of the stamps, and the ratio of both is the unit. In a run the model's slip
+  velocity is no such measure: it is right to a third at best, and its lag follows the sensor's.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from slip_core.arrays import Array
+from slip_core.compiled import part
+from slip_core.records import Mat3, Real, Record, Vec6, Whole, dtype_of
+from slip_core.vectors import Spatial, mat, put_spatial, spatial
+from slip_vic_controller.contact.estimate import SensorHealth
+from slip_vic_controller.contact.friction_estimate import GIVES_M
+from slip_vic_controller.sizes import NEVER, ROOM
+
+DIFFERS: Final = 0.7
+"""Share of the way slipped by which another mounting must explain its direction better than the configured one: a
+mistake is a difference of 1 or 2, noise of a sample at six standard deviations one of 0.03."""
+PLAIN: Final = 1.1
+"""How much more a turn by any angle must explain than inverted or swapped axes: friction and slip lie along each other
+to some ten degrees only."""
+LAGS_S: Final = 1e-3 * np.arange(-60, 61)
+"""Lags of the stamps that are tried [s]."""
+
+
+class SlipEvidence(Record):
+    """What the readings of slip have shown; turning at the torsional radius."""
+
+    read_ns: Whole  # stamp of the newest reading, NEVER = none
+    read: Vec6  # m/s {ee}; it
+    way: Mat3  # m {ee}; M
+    length: Real  # m; of the way slipped
+    spun: Real  # m; of turning in the direction in which the pad drags the object
+    turned: Real  # m; of all turning
+    count: Whole  # readings of slip
+    changes: Whole  # and how many of them differ from the one before
+    span_s: Real  # time between them
+    found: Whole  # SensorHealth
+    value: Real  # as its words say
+    limit: Real
+
+
+SLIP_EVIDENCE = dtype_of(SlipEvidence)
+
+
+@part
+def start_health(state: SlipEvidence) -> None:
+    """Begin: nothing was read."""
+    state.read_ns, state.found, state.value, state.limit = NEVER, SensorHealth.OK.value, 0.0, 0.0
+    state.read[:], state.way[:], state.length, state.spun, state.turned = 0.0, 0.0, 0.0, 0.0, 0.0
+    state.count, state.changes, state.span_s = 0, 0, 0.0
+
+
+@part
+def add_reading(state: SlipEvidence, stamp_ns: int, v: Spatial, drags: Spatial, slips: bool) -> None:
+    """Take in a reading.
+
+    Args:
+        state: changed.
+        stamp_ns: its stamp.
+        v: [m/s] {ee}, on the axes that can slip, turning at the torsional radius.
+        drags: wrench of the pad on the object on these axes {ee}; or any vectors in the directions of both.
+        slips: whether the object slips.
+    """
+    change, last_ns = v - spatial(state.read), state.read_ns
+    state.read_ns = stamp_ns
+    put_spatial(state.read, v)
+    if last_ns == NEVER or stamp_ns <= last_ns or not slips or v.dot(v) == 0.0:
+        return
+    dt, force, torque = 1e-9 * (stamp_ns - last_ns), drags.linear.norm(), drags.angular.norm()
+    state.count, state.span_s = state.count + 1, state.span_s + dt
+    state.changes += 1 if change.dot(change) != 0.0 else 0
+    if force > 0.0:
+        d, step = (1.0 / force) * drags.linear, dt * v.linear
+        for i in range(3):
+            for j in range(3):
+                state.way[i, j] += step[i] * d[j]
+        state.length += step.norm()
+    if torque > 0.0:
+        state.spun += dt / torque * v.angular.dot(drags.angular)
+        state.turned += dt * v.angular.norm()
+
+
+@part
+def judge_health(state: SlipEvidence, differs: float, quantum: float) -> None:
+    """Write what is found, the cause before what follows from it.
+
+    Args:
+        state: changed.
+        differs: see DIFFERS; as a share of the way, 1 - cos of an angle.
+        quantum: step of the readings [m/s]: where there is one, equal values were not held.
+    """
+    state.found, state.value, state.limit = mounting(state, differs), 0.0, 0.0
+    if quantum == 0.0 and state.count >= ROOM and 2 * state.changes < state.count:
+        state.found = SensorHealth.HELD.value
+        state.value, state.limit = state.changes / state.span_s, state.count / state.span_s
+    elif state.found == SensorHealth.TURNED:
+        M = mat(state.way)
+        state.value = math.degrees(math.atan2(M.y.x - M.x.y, M.x.x + M.y.y))
+
+
+@part
+def mounting(state: SlipEvidence, differs: float) -> int:
+    """Return how the sensor is mounted where that is not as configured, else OK: the mounting that explains most."""
+    M = mat(state.way)
+    x, y, z = M.x.x, M.y.y, M.z.z
+    better = (
+        -2.0 * x,
+        -2.0 * y,
+        -2.0 * z,
+        -2.0 * (x + y + z),
+        M.x.y + M.y.x - x - y,
+        M.y.z + M.z.y - y - z,
+        M.z.x + M.x.z - z - x,
+    )
+    found, most = SensorHealth.OK.value, differs * max(state.length, GIVES_M)
+    for i in range(len(better)):
+        if better[i] > most:
+            found, most = SensorHealth.X_INVERTED.value + i, better[i]
+    if math.hypot(x + y, M.x.y - M.y.x) - x - y > PLAIN * most:
+        found = SensorHealth.TURNED.value
+    if found == SensorHealth.OK and -2.0 * state.spun > differs * max(state.turned, GIVES_M):
+        found = SensorHealth.TURNS_INVERTED.value
+    return int(found)
+
+
+def against_motion(
+    times: Array, motion: Array, stamps: Array, readings: Array, unit: float, lag_s: float
+) -> tuple[SensorHealth, float]:
+    """Return what readings show against the motion of the pad on an object that is held fast, and by how much.
+
+    Args:
+        times, motion: of the pad's twist; (k,) [s], (k, 6) {ee}, turning at the torsional radius [m/s].
+        stamps, readings: the same of the sensor; (m,) [s], (m, 6).
+        unit: ratio, or its inverse, from which units differ.
+        lag_s: by which stamps may be off [s].
+    """
+    worst, late = 1.0, 0.0
+    health = SensorHealth.OK
+    for part_of, kind in ((slice(0, 3), SensorHealth.LINEAR_UNIT), (slice(3, 6), SensorHealth.ANGULAR_UNIT)):
+        read, moved = (np.linalg.norm(v[:, part_of], axis=1) for v in (readings, motion))
+        if np.trapezoid(moved, times) < GIVES_M:
+            continue
+        shifted = np.array([np.interp(stamps - lag, times, moved) for lag in LAGS_S])
+        squares, products = (shifted**2).sum(axis=1), shifted @ read
+        best = int(np.argmax(products / np.sqrt(squares)))
+        scale = float(products[best] / squares[best])
+        if health == SensorHealth.OK and max(scale, 1.0 / max(scale, 1e-9)) > unit:
+            health, worst = kind, scale
+        elif late == 0.0 and abs(LAGS_S[best]) > lag_s:
+            late = float(LAGS_S[best])
+    if health != SensorHealth.OK:
+        return health, worst
+    return (SensorHealth.STAMPS, 1e3 * late) if late else (health, 0.0)
