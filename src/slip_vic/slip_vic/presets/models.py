@@ -30,8 +30,11 @@ class SensorPreset(Preset):
 class DrivePreset(Preset):
     """Drives with the encoders that belong to them: values of ``drive`` and ``sensors.joint``.
 
-    Lists begin at the base: an arm with fewer joints has the first numbers, one with more repeats the last.
+    Lists begin at the base: an arm with fewer joints has the first numbers, one with more repeats the last. period_s:
+    control period of both nodes, where the drives take commands no faster [s].
     """
+
+    period_s: float | None = None
 
     drive: DriveParams = DriveParams()
     joint: JointSensorParams = JointSensorParams()

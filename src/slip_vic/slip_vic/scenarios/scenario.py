@@ -414,6 +414,8 @@ def apply_drive(values: NodeValues, preset: DrivePreset) -> None:
         _apply_part(values, simulated, known, flat)
     values["controller"] |= flat_names(preset.controller)
     values["controller"]["command.interface"] = preset.drive.interface
+    for node in values.values() if preset.period_s is not None else ():
+        node["control_period_s"] = preset.period_s
 
 
 def apply_gripper(values: NodeValues, preset: GripperPreset) -> None:
