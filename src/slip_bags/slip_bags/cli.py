@@ -17,6 +17,7 @@ from slip_msgs_py.environment import is_of_ros, no_ros
 
 _FOLDER = click.Path(path_type=Path)
 _BAG = click.argument("bag_path", metavar="BAG", type=_FOLDER)
+_DOMAIN = click.option("--domain-id", type=click.IntRange(0, 232), help="ROS domain id; default ROS_DOMAIN_ID, else 0")
 
 
 @click.group()
@@ -54,6 +55,7 @@ def recover(bag_path: Path, output: Path | None) -> None:
 @click.option("--attach", multiple=True, metavar="NAME=FILE", help="store a file in the bag")
 @click.option("--custom-data", multiple=True, metavar="KEY=VALUE", help="store a text in metadata.yaml")
 @click.option("--namespace", default="/", show_default=True, help="of the recorder's node and of relative names")
+@_DOMAIN
 def record(
     *,
     topics: tuple[str, ...],
@@ -62,6 +64,7 @@ def record(
     attach: tuple[str, ...],
     custom_data: tuple[str, ...],
     namespace: str,
+    domain_id: int | None,
 ) -> None:
     """Record topics until Ctrl-C; QoS follows the publishers, topics may appear late."""
     from slip_bags.recorder import record as run_recorder
@@ -73,7 +76,7 @@ def record(
             raise InputError("bag record", got="no topics", expected="topic names or --all")
         texts, files = _pairs("--custom-data", custom_data), _read_attachments(attach)
         folder = output or Path(f"rosbag2_{datetime.datetime.now():%Y_%m_%d-%H_%M_%S}")
-        with StopFlag() as stop, ros_node("recorder", namespace) as node:
+        with StopFlag() as stop, ros_node("recorder", namespace, domain_id) as node:
             if not events.wanted():
                 click.echo(f"recording into {folder}; Ctrl-C ends", err=True)
             summary = run_recorder(
@@ -92,7 +95,8 @@ def record(
 @click.option("-r", "--rate", type=click.FloatRange(0.0, min_open=True), default=1.0, show_default=True)
 @click.option("-l", "--loop", is_flag=True, help="start again at the end")
 @click.option("--topics", multiple=True, help="only this topic; repeatable")
-def play(*, bag_path: Path, rate: float, loop: bool, topics: tuple[str, ...]) -> None:
+@_DOMAIN
+def play(*, bag_path: Path, rate: float, loop: bool, topics: tuple[str, ...], domain_id: int | None) -> None:
     """Publish a bag's messages again, with their recorded spacing."""
     from slip_bags.player import play as run_player
     from slip_bags.reader import Bag
@@ -102,7 +106,7 @@ def play(*, bag_path: Path, rate: float, loop: bool, topics: tuple[str, ...]) ->
     def warn(text: str) -> None:
         click.echo(f"warning: {printable(text)}", err=True)
 
-    with Bag(bag_path) as opened, StopFlag() as stop, ros_node("player") as node:
+    with Bag(bag_path) as opened, StopFlag() as stop, ros_node("player", domain=domain_id) as node:
         played = run_player(node, opened, topics, rate=rate, loop=loop, stop=stop, warn=warn)
         click.echo(f"{'stopped: ' if stop() else ''}{played} messages")
 

@@ -16,6 +16,7 @@ import os
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
+from shlex import quote
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple, NoReturn
 
@@ -71,7 +72,7 @@ class Bag:
         self.path = Path(path)
         self.file, *others = mcap_files(self.path)
         if others:
-            fix = f"`slip-vic bag recover {self.path}` joins them"
+            fix = f"`slip-vic bag recover {quote(str(self.path))}` joins them"
             raise InputError(f"bag {self.path}", got=f"{1 + len(others)} files", expected="one MCAP file", fix=fix)
         self._file = open_file(self.file, f"file {self.file}")
         try:
@@ -231,5 +232,5 @@ class Bag:
 
     def _damaged(self, error: BaseException, what: str = "damaged data") -> InputError:
         got = f"{what} ({' '.join(str(error).split()) or type(error).__name__})"
-        fix = f"`slip-vic bag recover {self.path}` saves what can be read"
+        fix = f"`slip-vic bag recover {quote(str(self.path))}` saves what can be read"
         return InputError(f"bag file {self.file}", got=got, expected="a whole MCAP file with an index", fix=fix)

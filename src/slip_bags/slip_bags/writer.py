@@ -12,6 +12,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
+from shlex import quote
 from typing import Final
 
 from mcap.writer import Writer
@@ -139,5 +140,5 @@ class BagWriter:
             with contextlib.suppress(OSError, AttributeError):
                 self._file.close()
             reason = error.strerror or error
-            fix = f"`slip-vic bag recover {self.folder}` saves the messages before"
+            fix = f"`slip-vic bag recover {quote(str(self.folder))}` saves the messages before"
             raise StorageError(f"bag {self.folder}: {reason}; {fix}") from None

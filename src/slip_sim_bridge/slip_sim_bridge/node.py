@@ -176,6 +176,8 @@ class SlipSimBridge(GuardedNode, Node):
             self._run_realtime(should_stop)
         if self._failure is not None and not should_stop():
             raise self._failure
+        why = "stopped" if should_stop() else "duration_s is over"
+        self.get_logger().info(f"ends after {self.session.elapsed_s:.3f} s: {why}")
         wall = time.monotonic() - self._started_wall
         results = {"ticks": self.session.tick, "sim_time_s": self.session.elapsed_s, "wall_time_s": wall}
         emit("done", **results, **self._timing())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import shlex
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -119,7 +120,7 @@ def run(
         if page is not None:
             click.echo(f"page: {done.page(page)}")
         elif record is not None:
-            click.echo(f"page: slip-vic report {record} -o report.html")
+            click.echo(f"page: {shlex.join(['slip-vic', 'report', str(record), '-o', 'report.html'])}")
     end_with(bad)
 
 

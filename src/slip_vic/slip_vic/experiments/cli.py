@@ -127,9 +127,11 @@ def check(*, choice: Choice, mismatches: tuple[str, ...]) -> None:
 
     from slip_vic.experiments.check import gain_lines, hindered, judged, run_worlds
     from slip_vic.experiments.tables import tables_of
+    from slip_vic.run.prepare import prepare
     from slip_vic.scenarios.scenario import load_scenario
 
     loaded = load_scenario(**choice)
+    prepare()
     report = judged(loaded)
     for line in gain_lines(report):
         click.echo(line)

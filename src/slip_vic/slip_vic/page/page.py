@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from slip_vic.page.packing import Packer, compressed
 from slip_vic.page.plots import describe_plots
-from slip_vic.page.runs import colours, describe, grid, on_grid
+from slip_vic.page.runs import colours, describe, grid, on_grid, shown_s
 from slip_vic.page.scripts import read_static, three, uplot
 from slip_vic.run.data import RunData
 from slip_vic.run.metrics import summarise, summary_table
@@ -55,7 +55,7 @@ def write_page(
     Raises:
         InputError: a file that cannot be written.
     """
-    times = grid(max(run.duration_s for run in runs.values()))
+    times = grid(max(shown_s(run) for run in runs.values()))
     shown = {label: on_grid(run, times, ends.get(label, "")) for label, run in runs.items()}
     packer = Packer()
     described, missing = [], []

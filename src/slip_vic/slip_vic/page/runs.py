@@ -27,6 +27,20 @@ PAD_THICKNESS: Final = 0.003
 """[m]"""
 
 
+RESTS: Final = 1e-5
+"""What is nearer to where it ends is at rest [m, rad]: less than the page's numbers show."""
+AFTER: Final = 0.1
+"""Share of the motion for which its end is shown."""
+
+
+def shown_s(run: RunData) -> float:
+    """Return how long a run is shown [s]: until joints and object rest, and a little longer."""
+    channels = [arm.channel("joints") for arm in run.arms] + [own for own in (run.object_pose,) if own is not None]
+    moving = [own.times[(np.abs(own.rows - own.rows[-1]) > RESTS).any(axis=1)] for own in channels]
+    until = (1.0 + AFTER) * max((float(times[-1]) for times in moving if len(times)), default=0.0)
+    return min(until, run.duration_s) or run.duration_s
+
+
 def grid(duration: float) -> Array:
     """Return the times of all runs; (N,) [s]."""
     return np.linspace(0.0, duration, min(MOST_FRAMES, max(1, round(duration / STEP_S))) + 1)
@@ -43,7 +57,7 @@ def on_grid(run: RunData, times: Array, end: str = "") -> RunData:
         columns = {"slip_velocity": 6, "effort": len(arm.joint_names)}
         channels = {name: Channel(times, np.full((len(times), width), np.nan)) for name, width in columns.items()}
         channels |= {name: Channel(times, newest_on_grid(own, times)) for name, own in arm.channels.items()}
-        ends = ((float(arm.channel("joints").times[-1]), end),) if end else ()
+        ends = ((min(float(arm.channel("joints").times[-1]), float(times[-1])), end),) if end else ()
         arms.append(replace(arm, channels=channels, modes=(*arm.modes, *ends)))
     return replace(run, arms=tuple(arms), object_pose=pose)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import shlex
 from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
@@ -92,8 +93,9 @@ def arm(
     folder = out or Path(urdf.name.partition(".")[0])
     for path in write_arm(made, tasks, folder, urdf, drive, sensor, known):
         click.echo(path)
-    presets = "".join(f" --{kind} {name}" for kind, name in (("drive", drive), ("sensor", sensor)) if name)
-    click.echo(f"next: slip-vic demo --scenario {folder / next(iter(tasks))}.yaml{presets} --out {folder / 'demo'}")
+    given = {"scenario": f"{folder / next(iter(tasks))}.yaml", "drive": drive, "sensor": sensor, "out": folder / "demo"}
+    words = [word for name, value in given.items() if value for word in (f"--{name}", str(value))]
+    click.echo(f"next: {shlex.join(['slip-vic', 'demo', *words])}")
 
 
 def _pairs(option: str, texts: tuple[str, ...], separator: str, read: Callable[[str], T], form: str) -> dict[str, T]:

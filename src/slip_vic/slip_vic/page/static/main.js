@@ -120,11 +120,12 @@ function build(model) {
   player.onReset = () => views?.reset();
   player.onTheme = toggle;
   player.limits();
-  player.go(player.end);
+  player.go(window.slipLive ? player.end : model.time[0]);
   draw();
   plots = new Plots(model, document.getElementById("plots"), (t) => { player.pause(); player.go(t); });
   plots.show(frame);
   new ResizeObserver(redraw).observe(document.getElementById("runs"));
+  if (!window.slipLive && !matchMedia("(prefers-reduced-motion: reduce)").matches) player.start();
   document.body.dataset.ready = performance.now().toFixed(0);
   return { player, plots, scenes, views, redraw };
 }

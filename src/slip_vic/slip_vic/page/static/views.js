@@ -8,6 +8,8 @@ class Renderer {
   constructor() {
     this.gl = new THREE.WebGLRenderer({ antialias: true, alpha: true, preserveDrawingBuffer: true });
     this.gl.setPixelRatio(1);
+    this.gl.setScissorTest(true);
+    this.size = [0, 0]; // of the context: that of its largest picture, because a change of size is slow
   }
 
   draw(canvas, scene, camera) {
@@ -15,12 +17,17 @@ class Renderer {
     const width = Math.round(canvas.clientWidth * ratio), height = Math.round(canvas.clientHeight * ratio);
     if (!width || !height) return null;
     if (canvas.width !== width || canvas.height !== height) { canvas.width = width; canvas.height = height; }
-    const size = this.gl.getSize(new THREE.Vector2());
-    if (size.x !== width || size.y !== height) this.gl.setSize(width, height, false);
+    const [wide, high] = this.size;
+    if (width > wide || height > high) {
+      this.size = [Math.max(width, wide), Math.max(height, high)];
+      this.gl.setSize(...this.size, false);
+    }
+    this.gl.setViewport(0, 0, width, height);
+    this.gl.setScissor(0, 0, width, height);
     this.gl.render(scene, camera);
     const pen = canvas.getContext("2d");
     pen.clearRect(0, 0, width, height);
-    pen.drawImage(this.gl.domElement, 0, 0);
+    pen.drawImage(this.gl.domElement, 0, this.size[1] - height, width, height, 0, 0, width, height);
     return { pen, width, height, ratio };
   }
 }
