@@ -88,6 +88,7 @@ function build(model) {
   const fastest = largest(model);
   let views = null, scenes = [], asked = false, frame = 0;
   const draw = () => {
+    if (views?.renderer.busy) return void requestAnimationFrame(draw);
     asked = false;
     for (const scene of scenes) scene.show(frame);
     views?.draw();

@@ -6,10 +6,23 @@ const START = { azimuth: 0.3, height: 0.5, zoom: 1 };
 
 class Renderer {
   constructor() {
-    this.gl = new THREE.WebGLRenderer({ antialias: true, alpha: true, preserveDrawingBuffer: true });
+    this.gl = new THREE.WebGLRenderer({ antialias: true, alpha: true });
     this.gl.setPixelRatio(1);
-    this.gl.setScissorTest(true);
-    this.size = [0, 0]; // of the context: that of its largest picture, because a change of size is slow
+  }
+
+  // Without a GPU a picture takes longer than a frame: what is drawn before it is finished piles up, and the page stops.
+  get busy() {
+    const gl = this.gl.getContext();
+    if (this.fence && gl.getSyncParameter(this.fence, gl.SYNC_STATUS) !== gl.SIGNALED) return true;
+    gl.deleteSync?.(this.fence ?? null);
+    this.fence = null;
+    return false;
+  }
+
+  done() {
+    const gl = this.gl.getContext();
+    this.fence = gl.fenceSync?.(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+    gl.flush();
   }
 
   draw(canvas, scene, camera) {
@@ -17,17 +30,12 @@ class Renderer {
     const width = Math.round(canvas.clientWidth * ratio), height = Math.round(canvas.clientHeight * ratio);
     if (!width || !height) return null;
     if (canvas.width !== width || canvas.height !== height) { canvas.width = width; canvas.height = height; }
-    const [wide, high] = this.size;
-    if (width > wide || height > high) {
-      this.size = [Math.max(width, wide), Math.max(height, high)];
-      this.gl.setSize(...this.size, false);
-    }
-    this.gl.setViewport(0, 0, width, height);
-    this.gl.setScissor(0, 0, width, height);
+    const size = this.gl.getSize(new THREE.Vector2());
+    if (size.x !== width || size.y !== height) this.gl.setSize(width, height, false);
     this.gl.render(scene, camera);
     const pen = canvas.getContext("2d");
     pen.clearRect(0, 0, width, height);
-    pen.drawImage(this.gl.domElement, 0, this.size[1] - height, width, height, 0, 0, width, height);
+    pen.drawImage(this.gl.domElement, 0, 0);
     return { pen, width, height, ratio };
   }
 }
@@ -89,6 +97,7 @@ class Views {
       this.drawArm(scene, this.canvases[i].arm);
       scene.arms.forEach((own, k) => this.drawGrasp(scene, own, this.canvases[i].grasp[k]));
     });
+    this.renderer.done();
   }
 
   drawArm(scene, canvas) {
