@@ -22,7 +22,7 @@ def test_summary_has_the_documented_form(demo: tuple[Path, str]) -> None:
     assert summary["scenario"] == "paper_planar"
     assert summary["seed"] == 0
     assert {"mujoco", "pin", "numpy"} <= set(summary["versions"])
-    assert list(summary["runs"]) == ["classical", "vic", "governed"]
+    assert list(summary["runs"]) == ["classical", "vic", "governed", "governed_follow"]
     for run in summary["runs"].values():
         assert set(run) >= NUMBERS
         assert all(isinstance(run[name], int | float) for name in NUMBERS)
@@ -40,5 +40,5 @@ def test_table_and_files(demo: tuple[Path, str]) -> None:
     out, text = demo
     assert "slip at the end [mm]" in text
     assert "path error, peak" in text
-    files = ["classical", "governed", "report.html", "summary.json", "vic"]
+    files = ["classical", "governed", "governed_follow", "report.html", "summary.json", "vic"]
     assert sorted(path.name for path in out.iterdir()) == files

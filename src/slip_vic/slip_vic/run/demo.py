@@ -119,7 +119,7 @@ def all_laws(choice: Choice) -> dict[Law, Scenario]:
     """Return the scenario with each law; all get the parameters of the file, without those in which they differ."""
     file = choice["parameters"]
     given = {} if file is None else read_parameters(file)
-    common = {name: value for name, value in given.items() if name not in ("controller", *GOVERNED)}
+    common = {name: value for name, value in given.items() if name not in ("controller", "grip.control", *GOVERNED)}
     return {law: load_scenario(**choice | {"law": law, "parameters": common}) for law in ORDER}
 
 
