@@ -45,8 +45,7 @@ class Tuning(NamedTuple):
     least_likelihood: float = 0.02  # one reading never excludes a mode
     slides: float = 0.5  # P(slides) from which the object slides for all others
     model_error: float = 0.3  # of a change of the load
-    load_error: float = 0.03  # of the load
-    edge: float = 0.02  # of friction, over which it ends
+    load_error: float = 0.05  # of the load, biases of the wrench included
     sliding_error: float = 0.07  # of friction while it slides
     transition: float = 0.04  # of friction, over which a slip becomes likely
     onset_s: float = 0.005  # of a slip where the load is too large
@@ -192,7 +191,7 @@ def see_load(state: Belief, load: Spatial, d: float, F: float, dt: float) -> Non
         on = min(dt / t.onset_s * below((max(carried, p) - F_i) / x - 1.0) + t.onset_rate * dt, 1.0)
         off = min(dt / t.ends_s * below((k * F_i - p) / x + 1.0), 1.0)
         a, b = state.sticks[i], state.slides[i]
-        holds = min(2.0 * below((F_i - carried) / math.hypot(noise, t.edge * F_i)), 1.0)
+        holds = min(2.0 * below((F_i - carried) / math.hypot(noise, t.load_error * F_i)), 1.0)
         by_sticking = max(fits + math.log(max(holds, t.least_likelihood)), floor)
         gap = max(k * F_i - carried, carried - F_i, 0.0)  # what slides slowly carries nearly as much as what sticks
         by_sliding = max(-0.5 * gap * gap / (noise * noise + (t.sliding_error * F_i) ** 2), floor)
