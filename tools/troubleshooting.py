@@ -1,11 +1,14 @@
-"""Write the tables of docs/troubleshooting.md: reasons of a mode, faults, steps of a bring-up, error texts, from the sources.
+"""Write the tables of docs/faults.md, docs/safety.md and docs/troubleshooting.md from the sources.
 
-python tools/troubleshooting.py          # writes them, and the conditions of docs/safety.md, between their marks again
+python tools/troubleshooting.py          # writes what stands between their marks again
+
+Cause and fix of each reason are rows of docs/faults.csv.
 """
 
 from __future__ import annotations
 
 import ast
+import csv
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,72 +17,81 @@ from slip_vic_controller.contact.estimate import SensorHealth
 from slip_vic_controller.safety.conditions import Reason, Severity
 
 ROOT = Path(__file__).parents[1]
-PAGE, SAFETY = ROOT / "docs" / "troubleshooting.md", ROOT / "docs" / "safety.md"
-ERRORS = ("InputError", "ProtocolError", "RefusedByChild", "MixedVersions", "DivergenceError")
+DOCS = ROOT / "docs"
 BEGIN, END = "<!-- begin: made by tools/troubleshooting.py -->", "<!-- end -->"
 
 
-def rendered(node: ast.expr | None) -> str:
+def causes() -> dict[str, tuple[str, str]]:
+    """Return cause and fix of each reason by its name."""
+    with (DOCS / "faults.csv").open(encoding="utf-8", newline="") as file:
+        return {row["reason"]: (row["cause"], row["fix"]) for row in csv.DictReader(file)}
+
+
+NAMES = {"joint": "JOINT", "value": "X", "limit": "Y", "fault": "is ...", "missing": "TOPIC", "which": "T",
+         "sensor": "SENSOR", "mistake": "..."}  # fmt: skip
+
+
+def shown(words: str) -> str:
+    """Return the words of a reason with names for what is known at run time only."""
+    return re.sub(r"\{(\w+)[^}]*\}", lambda found: NAMES[found[1]], words)
+
+
+def reason_table() -> str:
+    """Return a table for each mode: its reasons, in the order in which they count."""
+    known, parts = causes(), []
+    for severity in sorted(Severity, reverse=True)[:-1]:
+        rows = [(shown(one.words), *known[one.name], one.name) for one in Reason if one.severity == severity]
+        parts.append(f"## {severity.name}\n\n{_table(('you see', 'cause', 'fix', 'reason'), rows)}")
+    return "\n\n".join(parts)
+
+
+def fault_table() -> str:
+    """Return the table of what can be wrong with an input."""
+    known = causes()
+    samples = [one for one in Reason if one.severity == Severity.SAMPLE and one != Reason.NONE]
+    return _table(("the input ...", "cause", "fix"), [(shown(one.words), *known[one.name]) for one in samples])
+
+
+def sensor_table() -> str:
+    """Return the table of mistakes that the readings of a slip sensor show."""
+    mistakes = [(shown(health.words), health.to_do) for health in SensorHealth if health.to_do]
+    return _table(("slip_velocity ...", "fix"), mistakes)
+
+
+def condition_table() -> str:
+    """Return the table of docs/safety.md: every condition, in the order in which it counts."""
+    rows = [
+        (
+            shown(one.words), one.severity.name, f"{1e3 * one.lasts_s:.0f} ms" if one.lasts_s else "",
+            "yes" if one.clears else "no",
+        )
+        for one in Reason if one.severity != Severity.SAMPLE
+    ]  # fmt: skip
+    return _table(("condition", "mode", "lasts", "clears by itself"), rows)
+
+
+def bringup_table() -> str:
+    """Return the table of what `slip-vic bringup` prints where a step does not hold."""
+    walk = ROOT / "src/slip_vic/slip_vic/setup/bringup/walk.py"
+    rows = []
+    for function in ast.walk(ast.parse(walk.read_text(encoding="utf-8"))):
+        if isinstance(function, ast.FunctionDef):
+            name = function.name.strip("_").removeprefix("judge_")
+            fixes = [rendered(fix) for node in ast.walk(function) for fix in _fixes(node)]
+            rows += [(name, text) for text in fixes if text.strip("…")]
+    return _table(("judged", "what to do"), rows)
+
+
+def rendered(node: ast.expr) -> str:
     """Return the text of an expression, with … for what is known at run time only."""
     match node:
         case ast.Constant(value=value):
             return str(value)
         case ast.JoinedStr(values=parts):
             return "".join(rendered(part) for part in parts)
-        case ast.BinOp(left=left, op=ast.Add(), right=right):
-            return rendered(left) + rendered(right)
         case ast.IfExp(body=body, orelse=other):
             return " or ".join(text for text in (rendered(body), rendered(other)) if text)
-        case None:
-            return ""
     return "…"
-
-
-def raised(tree: ast.AST, *, declares: bool) -> Iterator[tuple[str, str, str]]:
-    """Yield what, expected and fix of every error of ours that a module makes; declares: one that declares parameters."""
-    for node in ast.walk(tree):
-        if not isinstance(node, ast.Call) or not isinstance(node.func, ast.Name):
-            continue
-        if node.func.id in ERRORS and node.args:
-            named = {keyword.arg: keyword.value for keyword in node.keywords}
-            yield rendered(node.args[0]), rendered(named.get("expected")), rendered(named.get("fix"))
-        elif node.func.id == "UnknownName":
-            where = {keyword.arg: rendered(keyword.value) for keyword in node.keywords}
-            place = f"{where['where']}: " if where.get("where") else ""
-            yield f"{place}unknown {rendered(node.args[0])} '…'", "a name that the message offers", where.get("fix", "")
-        elif node.func.id == "ValueError" and node.args and declares:
-            yield "parameter …", rendered(node.args[0]), ""
-
-
-def error_tables() -> str:
-    """Return one table per package."""
-    parts = []
-    for package in sorted(path for path in (ROOT / "src").iterdir() if (path / "setup.py").exists()):
-        rows = set()
-        for path in sorted((package / package.name).rglob("*.py")):
-            tree = ast.parse(path.read_text(encoding="utf-8"))
-            rows |= set(raised(tree, declares=path.stem.endswith("params")))
-        if rows:
-            parts.append(f"### {package.name}\n\n| error | expected | fix |\n|---|---|---|")
-            parts[-1] += "".join(
-                f"\n| {' | '.join(_cell(text.replace('`', '')) for text in row)} |" for row in sorted(rows)
-            )
-    return "\n\n".join(parts)
-
-
-def bringup_table() -> str:
-    """Return the table of what `slip-vic bringup` prints where a step does not hold."""
-    rules = ROOT / "src/slip_vic/slip_vic/setup/bringup/walk.py"
-    lines = ["| judged | what to do |", "|---|---|"]
-    for function in ast.walk(ast.parse(rules.read_text(encoding="utf-8"))):
-        if isinstance(function, ast.FunctionDef):
-            fixes = [rendered(fix) for node in ast.walk(function) for fix in _fixes(node)]
-            lines += [
-                f"| {function.name.strip('_').removeprefix('judge_')} | {_cell(text)} |"
-                for text in fixes
-                if text.strip("…")
-            ]
-    return "\n".join(lines)
 
 
 def _fixes(node: ast.AST) -> Iterator[ast.expr]:
@@ -89,78 +101,29 @@ def _fixes(node: ast.AST) -> Iterator[ast.expr]:
             yield from (fix for fault in faults for fix in (fault.elts[1:] if isinstance(fault, ast.Tuple) else ()))
 
 
-def shown(words: str) -> str:
-    """Return the words of a reason with … for what is known at run time only."""
-    return re.sub(r"\{[^}]*\}", "…", words)
-
-
-def reason_table() -> str:
-    """Return the table of what stands behind the mode, in the order in which it counts."""
-    lines = ["| mode | what you see | what to do | code |", "|---|---|---|---|"]
-    for reason in Reason:
-        if reason.severity != Severity.SAMPLE:
-            seen = _cell(shown(reason.words))
-            lines.append(f"| {reason.severity.name} | {seen} | {_cell(reason.to_do)} | {reason.name} {reason} |")
-    return "\n".join(lines)
-
-
-def fault_table() -> str:
-    """Return the table of what can be wrong with an input."""
-    lines = ["| fault | what to do |", "|---|---|"]
-    lines += [
-        f"| {reason.name.lower().replace('_', ' ')} | {_cell(reason.to_do)} |"
-        for reason in Reason
-        if reason.severity == Severity.SAMPLE and reason != Reason.NONE
-    ]
-    return "\n".join(lines)
-
-
-def sensor_table() -> str:
-    """Return the table of mistakes that the readings of a slip sensor show."""
-    lines = ["| slip_velocity ... | what to do |", "|---|---|"]
-    lines += [f"| {_cell(shown(health.words))} | {_cell(health.to_do)} |" for health in SensorHealth if health.to_do]
-    return "\n".join(lines)
-
-
-def condition_table() -> str:
-    """Return the table of docs/safety.md: every condition, in the order in which it counts."""
-    lines = ["| condition | mode | lasts | clears by itself |", "|---|---|---|---|"]
-    for reason in Reason:
-        if reason.severity != Severity.SAMPLE:
-            lasts = f"{1e3 * reason.lasts_s:.0f} ms" if reason.lasts_s else ""
-            seen = _cell(shown(reason.words))
-            lines.append(f"| {seen} | {reason.severity.name} | {lasts} | {'yes' if reason.clears else 'no'} |")
-    return "\n".join(lines)
-
-
-def _cell(text: str) -> str:
-    plain = " ".join(text.split()).replace("|", "\\|").replace("<", "&lt;")
-    return plain or " "
-
-
-def tables() -> str:
-    """Return everything between the marks of the page."""
-    return (
-        f"{BEGIN}\n\n## Reasons of a mode\n\nOn `controller/mode` and in `/diagnostics`.\n\n{reason_table()}\n\n"
-        "## Faults of an input\n\nWhat happens then is in [safety](safety.md#reactions).\n\n"
-        f"{fault_table()}\n\n## Mistakes of a slip sensor\n\nIn the mode, in a bring-up and from `slip-vic identify`.\n\n"
-        f"{sensor_table()}\n\n## Steps of a bring-up\n\nOne line, exit code 1: the step, what was got, what is expected, and "
-        f"what to do. [Bring-up](robot.md#bring-up) has the steps.\n\n{bringup_table()}\n\n## Error texts\n\nOne line, exit code 2: what, what was got, what is expected, the fix. "
-        f"… stands for a name or number of yours.\n\n{error_tables()}\n\n{END}"
-    )
-
-
-def page(path: Path, made: str) -> str:
-    """Return a whole page, with what is made between its marks."""
-    text = path.read_text(encoding="utf-8")
-    before, _, rest = text.partition(BEGIN)
-    return before + made + rest.partition(END)[2]
+def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
+    cells = [[text.replace("|", "\\|").replace("<", "&lt;") or " " for text in row] for row in rows]
+    return "\n".join(f"| {' | '.join(row)} |" for row in (head, ["---"] * len(head), *cells)).replace(" --- ", "---")
 
 
 def pages() -> dict[Path, str]:
     """Return every page that has a part made here."""
-    conditions = f"{BEGIN}\n\n{condition_table()}\n\n{END}"
-    return {PAGE: page(PAGE, tables()), SAFETY: page(SAFETY, conditions)}
+    made = {
+        "faults.md": (
+            f"{reason_table()}\n\n## Faults of an input\n\nThe reason names the input. What the controller does then is "
+            f"in [safety](safety.md#reactions-to-inputs).\n\n{fault_table()}\n\n## The readings of the slip sensor\n\n"
+            f"{sensor_table()}"
+        ),
+        "safety.md": condition_table(),
+        "troubleshooting.md": bringup_table(),
+    }
+    return {DOCS / name: _between(DOCS / name, text) for name, text in made.items()}
+
+
+def _between(path: Path, made: str) -> str:
+    """Return a whole page, with what is made between its marks."""
+    before, _, rest = path.read_text(encoding="utf-8").partition(BEGIN)
+    return f"{before}{BEGIN}\n\n{made}\n\n{END}{rest.partition(END)[2]}"
 
 
 if __name__ == "__main__":

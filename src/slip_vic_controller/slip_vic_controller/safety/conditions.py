@@ -1,8 +1,9 @@
 """Conditions: all that speaks against the law, in one table; why the controller is in its mode.
 
-A row is a reason: how severe it is, its words and what to do, how long it must last, whether it clears by itself. The
-rows are in the order in which they count: the first one that has lasted decides the mode. What finds that a row is so
-(`cycle/judging.py`) reports it with `see`, in any order; `first` is the loop through the table.
+A row is a reason: how severe it is, its words, how long it must last, whether it clears by itself. The rows are in the
+order in which they count: the first one that has lasted decides the mode. What finds that a row is so
+(`cycle/judging.py`) reports it with `see`, in any order; `first` is the loop through the table. docs/faults.csv has
+cause and fix of each.
 """
 
 from __future__ import annotations
@@ -30,33 +31,11 @@ class Severity(IntEnum):
 
 _SAMPLE, _DEGRADED, _HOLD = Severity.SAMPLE, Severity.DEGRADED, Severity.HOLD
 _WAITS, _FAULT = Severity.WAITING_INPUT, Severity.FAULT
-_INPUT = "See the fault below; the input is named before it."
-_JOINT = (
-    "Check this joint's encoder, its sign and driver; after a collision clear the arm. Late efforts: `drive.delay_s`."
-)
-_RUNAWAY = "A wrong sign or frame of the wrench, or gains too high for a delay? Then `~/reset_fault`."
-_MODEL = "Clear the arm; check `object.mass`, the URDF's masses, `effort.gravity`, offsets; then `~/reset_fault`."
-_BRAKE = "Release its brake, clear the arm, or raise `disturbance.limit`: friction is above the effort."
-_BIAS = (
-    "Zero the named sensor, or fix it; then `~/tare`. Are its units m/s, rad/s, N, N m? Where the bias is its own, "
-    "raise `tare.*`."
-)
-_RANGE = "The path takes the joint farther than it goes: start in another posture (`slip-vic arm FILE` finds one)."
-_SLIP_SENSOR = (
-    "Look at the slip sensor: it reads zero, not this contact, or on other axes than those of the pad. Where it is "
-    "right, `object.mass` is larger than the object's, or the wrench reads too little: `~/tare` at rest. "
-    "`~/reset_fault` begins again with the configured friction."
-)
-_WEIGHT = "Set `object.mass`, turn the wrench's frame round, or raise `tare.mass_share`; then `~/tare`."
-_FRICTION = (
-    "More grip, a lighter object or another attitude. Where the object was pushed, friction is more than that slip has "
-    "taught: `~/reset_fault` plans with the configured friction."
-)
 
 
 @unique
 class Reason(IntEnum):
-    """The table: number, words, what to do; severity, how long it must last [s], whether it clears itself.
+    """The table: number, words; severity, how long it must last [s], whether it clears itself.
 
     The words may name the fields of a `Why`, see `describe`. Where a parameter says how long, `config` does. The
     numbers of what is wrong with a sample are part of the ledger's format.
@@ -64,7 +43,6 @@ class Reason(IntEnum):
 
     _value_: int
     words: str
-    to_do: str
     severity: Severity
     lasts_s: float
     clears: bool
@@ -73,116 +51,106 @@ class Reason(IntEnum):
         cls,
         number: int,
         words: str = "",
-        to_do: str = "",
         severity: Severity = _SAMPLE,
         lasts_s: float = 0.0,
         clears: bool = True,
     ) -> Reason:
         """Make a row; a FAULT never clears by itself."""
         row = int.__new__(cls, number)
-        row._value_, row.severity, row.words, row.to_do = number, severity, words, to_do
+        row._value_, row.severity, row.words = number, severity, words
         row.lasts_s, row.clears = lasts_s, clears and severity != Severity.FAULT
         return row
 
     NONE = 0
     # -- what is wrong with a sample or an input: said of the input in whose row it stands
-    UNSTAMPED = 1, "has no stamp", "Let its driver fill `header.stamp` with the time of measurement: it is zero."
-    REFUSED = 2, "is refused", "Compare joint names, sizes and `frame_id` with the parameters."
-    NOT_FINITE = 3, "is not finite", "The driver sends NaN: a fault of its own, or a division by zero."
-    ABSURD = 4, "is absurdly large", "Wrong unit (mm, N mm, degrees)? Else raise `safety.inputs.*`."
-    AHEAD = 5, "is ahead of all others: joint_states", "Two clocks: synchronise them (chrony, ptp)."
-    OUT_OF_ORDER = 6, "is out of order", "Two publishers, or a driver that repeats samples or its stamps."
-    FUTURE = 8, "is ahead of the joint state", "Two clocks: synchronise them (chrony, ptp)."
-    CLOCK_JUMP = 9, "has a stamp that has jumped", "The clock was set. Wait, or use a clock that slews."
-    JUMP = 10, "has jumped", "Joint encoders jumped, or the driver lost samples."
-    RESTARTED = 11, "comes from a source that has restarted", "Nothing: the trajectory begins from here."
-    SILENT = 12, "is silent", "The driver stopped, or the network did; compare topic name, type and QoS."
-    STALE = 13, "is too old", "Stamps and arrivals drift apart: latency of the driver, clock, network or a full queue."
-    FROZEN = 14, "is frozen", "The sensor repeats itself: power, cable, or a quantum larger than what is measured."
-    INVALID = 15, "is invalid", "The sensor reports that it cannot measure: light, contact, calibration."
-    SECOND_PUBLISHER = 17, "has two publishers", "Stop one of them."
-    FOREIGN_COMMAND = 18, "has another publisher", "Another controller commands the arm: stop it, then `~/reset_fault`."
-    NOT_RUN = 19, "was not answered for too long", "Real-time priority (`--fifo`), a free core (`--cpu`)."
-    OTHER_ARM = 21, "of the other arm on this object has stopped it", "Look at the other arm's mode and reason."
+    UNSTAMPED = 1, "has no stamp"
+    REFUSED = 2, "is refused"
+    NOT_FINITE = 3, "is not finite"
+    ABSURD = 4, "is absurdly large"
+    AHEAD = 5, "is ahead of all others: joint_states"
+    OUT_OF_ORDER = 6, "is out of order"
+    FUTURE = 8, "is ahead of the joint state"
+    CLOCK_JUMP = 9, "has a stamp that has jumped"
+    JUMP = 10, "has jumped"
+    RESTARTED = 11, "comes from a source that has restarted"
+    SILENT = 12, "is silent"
+    STALE = 13, "is too old"
+    FROZEN = 14, "is frozen"
+    INVALID = 15, "is invalid"
+    SECOND_PUBLISHER = 17, "has two publishers"
+    FOREIGN_COMMAND = 18, "has another publisher"
+    NOT_RUN = 19, "was not answered for too long"
+    OTHER_ARM = 21, "of the other arm on this object has stopped it"
     # -- FAULT
-    INTERNAL = 22, "internal error: this is a bug", "Report it with a bag and the line in the node's log.", _FAULT
+    INTERNAL = 22, "internal error: this is a bug", _FAULT
     # which: joint, -1 = the pad
-    TOO_FAST = 23, "{joint} moves at {value:.1f} rad/s or m/s, the limit is {limit:.1f}", _RUNAWAY, _FAULT, 0.005
+    TOO_FAST = 23, "{joint} moves at {value:.1f} rad/s or m/s, the limit is {limit:.1f}", _FAULT, 0.005
     # this and the next two in the order of `Trust` in what is left; which: joint
-    VELOCITY = 26, "{joint}: its velocity contradicts its position by {value:.4f} rad", _JOINT, _FAULT
-    POSITION = 27, "{joint}: its position is stuck or drifts by {value:.4f} rad", _JOINT, _FAULT
-    STUCK = 28, "{joint}: its position and velocity are stuck, though it moves", _JOINT, _FAULT
-    COLLISION = 29, "collision: torque on {joint} jumped by {value:.1f} of {limit:.1f} N m", _JOINT, _FAULT
-    DISTURBED = 30, "{joint}: disturbance of {value:.1f} N m, at most {limit:.1f} is compensated", _JOINT, _FAULT
-    IGNORED = 31, "{joint} ignores commands: {value:.2f} rad/s where {limit:.2f} are commanded", _JOINT, _FAULT
-    MOVED_IN_TARE = 32, "{joint} moved by {value:.3f} rad during the tare, without any wrench", _MODEL, _FAULT
-    FALLS = 33, "the object falls: {value:.2f} m/s faster than the reference", "More grip; `object.mass`.", _FAULT
-    EFFORT_COMMAND = 34, "effort command {fault}", _INPUT, _FAULT
+    VELOCITY = 26, "{joint}: its velocity contradicts its position by {value:.4f} rad", _FAULT
+    POSITION = 27, "{joint}: its position is stuck or drifts by {value:.4f} rad", _FAULT
+    STUCK = 28, "{joint}: its position and velocity are stuck, though it moves", _FAULT
+    COLLISION = 29, "collision: torque on {joint} jumped by {value:.1f} of {limit:.1f} N m", _FAULT
+    DISTURBED = 30, "{joint}: disturbance of {value:.1f} N m, at most {limit:.1f} is compensated", _FAULT
+    IGNORED = 31, "{joint} ignores commands: {value:.2f} rad/s where {limit:.2f} are commanded", _FAULT
+    MOVED_IN_TARE = 32, "{joint} moved by {value:.3f} rad during the tare, without any wrench", _FAULT
+    FALLS = 33, "the object falls: {value:.2f} m/s faster than the reference", _FAULT
+    EFFORT_COMMAND = 34, "effort command {fault}", _FAULT
     # -- WAITING_INPUT
     # which: bits of what is missing
-    WAITS = 36, "waits for {missing}", "Remap your driver's topics to these; compare `frame_id` and QoS.", _WAITS
-    JOINTS_RESTARTED = 37, "joint state {fault}", _INPUT, _WAITS
+    WAITS = 36, "waits for {missing}", _WAITS
+    JOINTS_RESTARTED = 37, "joint state {fault}", _WAITS
     TOO_HEAVY = (
         38,
         "holding arm and object needs {value:.1f} N m on {joint}, its limit is {limit:.1f}",
-        "Correct `object.mass` or the URDF's effort limits, or start in another posture; then `~/enable`.",
         _WAITS,
         0.0,
         False,
     )
     # -- HOLD
-    INPUTS = 39, "an input {fault}", _INPUT, _HOLD
-    WRENCH = 40, "wrench {fault}", _INPUT, _HOLD
-    JOINT_STATE = 41, "joint state {fault}", _INPUT, _HOLD
-    SLIP = 42, "slip velocity {fault}", _INPUT, _HOLD
-    TARE = 43, "tare: sensors are read at rest before the law begins", "Wait; touch neither arm nor object.", _HOLD
-    BIASED = 44, "{sensor} reads {value:.3g} at rest, at most {limit:.3g} are taken out", _BIAS, _HOLD
-    WRONG_MASS = 47, "object.mass is {limit:.3g}, the wrench at rest says {value:.3g}", _WEIGHT, _HOLD
-    INVERTED_WRENCH = 48, "the wrench reads the weight with the opposite sign ({value:.3g} kg)", _WEIGHT, _HOLD
+    INPUTS = 39, "an input {fault}", _HOLD
+    WRENCH = 40, "wrench {fault}", _HOLD
+    JOINT_STATE = 41, "joint state {fault}", _HOLD
+    SLIP = 42, "slip velocity {fault}", _HOLD
+    TARE = 43, "tare: sensors are read at rest before the law begins", _HOLD
+    BIASED = 44, "{sensor} reads {value:.3g} at rest, at most {limit:.3g} are taken out", _HOLD
+    WRONG_MASS = 47, "object.mass is {limit:.3g}, the wrench at rest says {value:.3g}", _HOLD
+    INVERTED_WRENCH = 48, "the wrench reads the weight with the opposite sign ({value:.3g} kg)", _HOLD
     # which: where, time of the trajectory [ms]
     PATH_TOO_HEAVY = (
         49,
         "friction cannot carry the object at {which} ms of the path: it needs {value:.3f} N and has {limit:.3f} N",
-        _FRICTION,
         _HOLD,
     )
-    SLIDES = 50, "the object slides: waiting until it rests", "More grip, or a slower path.", _HOLD
-    BAD_REFERENCE = 52, "reference is not finite", "The node that publishes `reference` sends NaN or infinity.", _HOLD
-    NO_ESTIMATE = 53, "the slip observer gave no finite estimate", "Report it with a bag.", _HOLD
-    NO_TORQUE = 54, "the law gave no finite torque", "Singular posture or a limit: move it away by hand.", _HOLD
-    ASKED = 55, "hold requested", "A user called `~/hold`. `~/enable` ends it.", _HOLD, 0.0, False
-    NOT_ENABLED = 56, "not enabled", "Call `~/enable`, or set `safety.auto_enable`.", _HOLD, 0.0, False
+    SLIDES = 50, "the object slides: waiting until it rests", _HOLD
+    BAD_REFERENCE = 52, "reference is not finite", _HOLD
+    NO_ESTIMATE = 53, "the slip observer gave no finite estimate", _HOLD
+    NO_TORQUE = 54, "the law gave no finite torque", _HOLD
+    ASKED = 55, "hold requested", _HOLD, 0.0, False
+    NOT_ENABLED = 56, "not enabled", _HOLD, 0.0, False
     # -- DEGRADED
-    JOINT_STATE_SLOWS = 57, "joint state {fault}: slowing down", _INPUT, _DEGRADED
-    WRENCH_SLOWS = 58, "wrench {fault}: slowing down", _INPUT, _DEGRADED
-    SLIP_SLOWS = 59, "slip velocity {fault}: slowing down", _INPUT, _DEGRADED
-    SLIP_PREDICTED = 60, "slip velocity {fault}: predicting it from the wrench", _INPUT, _DEGRADED
-    STOPPING = 61, "hold requested: coming to rest first", "Wait: it comes to rest along the path first.", _DEGRADED
-    SATURATED = 62, "efforts saturated", "A slower path, the governor, `safety.limits.effort_rate`.", _DEGRADED, 0.1
-    RANGE_END = 65, "{joint} is at the end of its range, at {value:.2f} rad, off its path", _RANGE, _DEGRADED
+    JOINT_STATE_SLOWS = 57, "joint state {fault}: slowing down", _DEGRADED
+    WRENCH_SLOWS = 58, "wrench {fault}: slowing down", _DEGRADED
+    SLIP_SLOWS = 59, "slip velocity {fault}: slowing down", _DEGRADED
+    SLIP_PREDICTED = 60, "slip velocity {fault}: predicting it from the wrench", _DEGRADED
+    STOPPING = 61, "hold requested: coming to rest first", _DEGRADED
+    SATURATED = 62, "efforts saturated", _DEGRADED, 0.1
+    RANGE_END = 65, "{joint} is at the end of its range, at {value:.2f} rad, off its path", _DEGRADED
     # which: joint; limit: how far the pad is off its reference [m], or [rad] where only the attitude is far
-    NOT_FOLLOWING = 66, "{joint} does not follow: {value:.2f} N m do not move it", _BRAKE, _DEGRADED, 1.0
+    NOT_FOLLOWING = 66, "{joint} does not follow: {value:.2f} N m do not move it", _DEGRADED, 1.0
     # value: load that the motion needs, limit: that is measured [N]
     READS_NOTHING = (
         67,
         "the wrench shows {limit:.2f} N where the motion needs {value:.2f} N, and slip_velocity reads nothing",
-        _SLIP_SENSOR,
         _DEGRADED,
     )
     # which: the contact's SensorHealth of the slip sensor, with its numbers
-    SLIP_SENSOR = 68, "slip_velocity {mistake}: continuing without it", _SLIP_SENSOR, _DEGRADED
+    SLIP_SENSOR = 68, "slip_velocity {mistake}: continuing without it", _DEGRADED
     # value: load beyond that of the model [N]
-    HAND = (
-        69,
-        "a hand pulls at the object: {value:.2f} N beyond its weight",
-        "Let go, or choose what the arm does: `handover`. Nobody there? `object.mass`, or a bias: `~/tare`.",
-        _DEGRADED,
-        0.2,
-    )
-    OVERRUNS = 70, "friction is too low to stop on the path", "More grip, or more `governor.margin`.", _DEGRADED
-    ENDLESS_SLIP = 71, "slip that does not end: the path goes on without it", "`~/tare` at rest.", _DEGRADED
-    GIVEN_UP = 72, "compensation off: the object slips fast all the same", "Check `object.mass`.", _DEGRADED
-    PATH_WAITS = 73, "the path waits for the arm", "A brake or obstacle, or gains that are too soft.", _DEGRADED
+    HAND = 69, "a hand pulls at the object: {value:.2f} N beyond its weight", _DEGRADED, 0.2
+    OVERRUNS = 70, "friction is too low to stop on the path", _DEGRADED
+    ENDLESS_SLIP = 71, "slip that does not end: the path goes on without it", _DEGRADED
+    GIVEN_UP = 72, "compensation off: the object slips fast all the same", _DEGRADED
+    PATH_WAITS = 73, "the path waits for the arm", _DEGRADED
 
 
 REASONS: Final = max(Reason) + 1

@@ -406,7 +406,7 @@ class Walk:
             f"reached within {1e3 * MISSED:.0f} mm, slip below {1e3 * most:.1f} mm, ACTIVE",
             (
                 not goal.endswith("reached") or status.mode != "ACTIVE",
-                f"see controller/mode ({status}) and controller/goal; docs/troubleshooting.md has the fix",
+                f"see controller/mode ({status}) and controller/goal; docs/faults.md has the fix",
             ),
             (
                 not missed < MISSED,
@@ -433,7 +433,7 @@ class Walk:
             "friction",
             found if reached else f"{system.goal or 'no answer to the goal'} ({system.status})",
             f"goals that are reached, with at least a fifth of governor.friction_limit ({limit:.3g} N)",
-            (not reached, "more grip; where the law has stopped, docs/troubleshooting.md has the fix for the reason"),
+            (not reached, "more grip; where the law has stopped, docs/faults.md has the fix for the reason"),
             (
                 estimate < 0.2 * limit,
                 "more grip, or set governor.friction_limit; a sensor that reports slip where there is none does this "
@@ -481,7 +481,7 @@ def stream(name: str, track: Track, least_hz: float, most_hz: float, oldest_s: f
 
 def _in_mode(step: str, status: Status, wanted: str) -> Verdict:
     return judge(
-        step, str(status), wanted, (status.mode != wanted, "docs/troubleshooting.md has the fix for this reason")
+        step, str(status), wanted, (status.mode != wanted, "docs/faults.md has the fix for this reason")
     )
 
 
