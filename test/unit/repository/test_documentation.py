@@ -17,7 +17,7 @@ from test.support.pages import OURS, PAGES, ROOT, commands_of
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_links_lead_to_files(page: Path) -> None:
-    for target in re.findall(r"\]\(([^)#]+)\)", page.read_text()):
+    for target in re.findall(r"\]\(([^)#\s]+)[)#]", page.read_text()):
         assert target.startswith("http") or (page.parent / target).exists(), target
 
 

@@ -480,9 +480,7 @@ def stream(name: str, track: Track, least_hz: float, most_hz: float, oldest_s: f
 
 
 def _in_mode(step: str, status: Status, wanted: str) -> Verdict:
-    return judge(
-        step, str(status), wanted, (status.mode != wanted, "docs/faults.md has the fix for this reason")
-    )
+    return judge(step, str(status), wanted, (status.mode != wanted, "docs/faults.md has the fix for this reason"))
 
 
 def angle(a: Array, b: Array) -> float:
