@@ -65,13 +65,16 @@ def test_off_equals_printed_law() -> None:
 
 
 @pytest.mark.parametrize(
-    ("grip", "handover", "least_m", "most_m", "lost"),
-    [("fixed", "hold", 0.0, 5e-3, False), ("fixed", "follow", 0.02, 0.3, False), ("follow", "open", 0.0, 5e-3, True)],
-)
-def test_hand_at_the_goal(grip: str, handover: str, least_m: float, most_m: float, lost: bool) -> None:
+    ("law", "handover", "least_m", "most_m", "lost"),
+    [
+        ("governed", "hold", 0.0, 5e-3, False), ("governed", "follow", 0.02, 0.3, False),
+        ("governed_follow", "open", 0.0, 5e-3, True),
+    ],
+)  # fmt: skip
+def test_hand_at_the_goal(law: str, handover: str, least_m: float, most_m: float, lost: bool) -> None:
     """A hand pulls with less than friction passes on, for a second."""
-    given = f"controller.handover={handover}", f"grip.control={grip}", "bridge.duration_s=5.0"
-    loop = ClosedLoop(scenario := load_scenario("paper_planar", law="governed", sensor="event_1000", assignments=given))
+    given = f"controller.handover={handover}", "bridge.duration_s=5.0"
+    loop = ClosedLoop(scenario := load_scenario("paper_planar", law=law, sensor="event_1000", assignments=given))
     places, said = [], set[str]()
     for tick in run_in_process(scenario, loop):
         places.append(tick.outputs.arms[0].joint.position.copy())

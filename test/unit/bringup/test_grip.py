@@ -98,3 +98,5 @@ def test_following_grip_needs_a_path() -> None:
         load_scenario("paper_planar", assignments=("controller.grip.control=follow",))
     with pytest.raises(InputError, match=r"grip\.cap"):
         load_scenario("paper_planar", law="governed_follow", assignments=("controller.grip.cap=0.1",))
+    with pytest.raises(InputError, match=r"handover open needs a grip"):
+        load_scenario("paper_planar", law="governed", assignments=("controller.handover=open",))

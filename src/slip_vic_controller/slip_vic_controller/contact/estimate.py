@@ -67,7 +67,6 @@ class ContactEstimate(Record):
     first: Real  # N; F^ at first
     age_ns: Whole  # of the newest slip sample
     slip_health: Whole  # SensorHealth
-    wrench_health: Whole  # SensorHealth
     needs: Real  # N; where the slip sensor reads nothing: load that the motion needs
     lacks: Real  # N; and the one that the wrench shows
 

@@ -113,7 +113,6 @@ def estimate_contact(
         hold_on(config, task, state, dt)
     contact.variance[:] = state.observer.variance
     contact.age_ns = stamp_ns - state.slip_inputs[0].stamp_ns
-    contact.wrench_health = SensorHealth.SILENT.value if state.wrench_modelled != 0 else SensorHealth.OK.value
     contact.slip_health = SensorHealth.SILENT.value if unknown else SensorHealth.OK.value
     if pad.sensor.found != SensorHealth.OK:
         contact.slip_health = pad.sensor.found

@@ -86,7 +86,7 @@ def start_pad(config: GovernorConfig, pad: GovernedPad, at_rest: float, weighed:
     start_evidence(pad.evidence)
     start_health(pad.sensor)
     pad.contact.v_s[:], pad.contact.variance[:], pad.contact.age_ns = 0.0, 0.0, 0
-    pad.contact.slip_health = pad.contact.wrench_health = SensorHealth.OK.value
+    pad.contact.slip_health = SensorHealth.OK.value
     pad.contact.needs = pad.contact.lacks = 0.0
     pad.commanded = pad.measured = at_rest
     pad.contact.F_risk = config.friction.configured

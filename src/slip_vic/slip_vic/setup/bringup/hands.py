@@ -93,8 +93,7 @@ class Simulated:
         """Lean on the arm with an effort (n,) [N m], and support the object (6,) [N, N m] {w}; None: see `turn`."""
         if self._system.params.command.interface != "effort":
             return None
-        self._tune("grip.force", LIGHTLY * self._grip)
-        self._tune("push.wrench", support.tolist())
+        self._system.tune({"grip.force": LIGHTLY * self._grip, "push.wrench": support.tolist()}, BRIDGE)
         try:
             there = self._system.listen(SETTLED_S, partial(self._tune, "push.effort", lean.tolist()))
             back = self._system.listen(SETTLED_S, partial(self._tune, "push.effort", [0.0] * len(lean)))

@@ -237,8 +237,7 @@ class Walk:
     # -- a person pushes ---------------------------------------------------------------------------
 
     def _by_hand(self) -> Iterator[Verdict]:
-        hands = self._hands
-        before = self._system.listen(WATCHED_S)
+        hands, before = self._hands, self._system.listen(WATCHED_S)
         for joint in range(len(self._params.joint_names)):
             turned = hands.turn(joint, self._inertia(before.position))
             yield self._turned(joint, turned.position - before.position if turned else None)
@@ -263,9 +262,8 @@ class Walk:
             heard += [slid] if slid is not None else []
         step, expected = "slide", "the motion of the pad on the object"
         if not heard:
-            return Verdict(step, "not moved: its drives hold against the simulated hand", expected)
-        joints, _, slip, _ = joined(heard)
-        scale = axes * np.repeat([1.0, radius], 3)
+            return Verdict(step, "not moved: drives hold against the simulated hand", expected)
+        (joints, _, slip, _), scale = joined(heard), axes * np.repeat([1.0, radius], 3)
         words, to_do, moved, read = slide_mistake(self._robot, joints, slip, scale, self._noticed)
         return judge(
             step,
