@@ -25,8 +25,9 @@ from slip_vic.run.commands import native_command
 from slip_vic.run.in_process import run_in_process
 from slip_vic.run.launcher import Launcher
 from slip_vic.scenarios.scenario import load_scenario
-from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.law.arm import ARM
+from slip_vic_controller.robot import Robot
+from slip_vic_controller.safety.conditions import Reason, Why, describe
 from test.support.ros import Processes
 from test.system.native.conftest import SHORT, call, of_scenario
 from test.system.nodes.test_modes import BRIDGE_ENDLESS, CONTROLLER_SLOW, Start, Watcher, start, watcher  # noqa: F401
@@ -88,6 +89,31 @@ def test_terms_are_those_of_python_to_the_last_bit(terms: Path, tmp_path: Path) 
         check=True,
     )
     assert done.stdout == expected.tobytes()
+
+
+WORDS = """\
+#include <cstdio>
+#include "words.hpp"
+int main() {
+  SlipVic_WhyRecord why;
+  while (std::fread(&why, sizeof why, 1, stdin) == 1) std::puts(describe(why, {"one", "two"}).c_str());
+}
+"""
+
+
+def test_words_are_those_of_python(library: Path) -> None:
+    (library / "words_main.cpp").write_text(WORDS)
+    call("c++", "-std=c++17", "-I.", "-Inode", "words_main.cpp", "node/words.cpp", "-o", "words", cwd=library)
+    whys = [
+        Why(reason, fault, prefix, which, 0.123456, 1e6)
+        for reason in Reason
+        for fault in (0, Reason.SILENT.value)
+        for prefix in (0, 7)
+        for which in (-1, 0, 1, 5, 12)
+    ]
+    data = b"".join(np.array(why[:4], np.int64).tobytes() + np.array(why[4:]).tobytes() for why in whys)
+    done = subprocess.run([library / "words"], input=data, capture_output=True, check=True)
+    assert done.stdout.decode().splitlines() == [describe(why, ("one", "two")) for why in whys]
 
 
 # -- runs over DDS -----------------------------------------------------------------------------------

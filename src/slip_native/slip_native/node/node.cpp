@@ -161,17 +161,11 @@ void ControllerNode::cycle() {
   if (session_.cycle(began_ns)) publish(began_ns);
 }
 
-void ControllerNode::send_command(int64_t stamp_ns, const JointSample &shown, const double *numbers, size_t count,
-                                  const double *effort) {
-  const std::string &interface = settings_.interface;
+void ControllerNode::send_command(int64_t stamp_ns, const double *numbers, size_t count) {
   auto &message = *command_.message;
-  const size_t n = shown.position.size();
-  /* Beside what is commanded stands what was measured, so that viewers draw the robot where it is. */
+  const std::string &interface = settings_.interface;
   ros::set(message.header.stamp, stamp_ns);
-  const bool position = interface == "position", velocity = interface == "velocity";
-  ros::set(message.position, position ? numbers : shown.position.data(), position ? count : n);
-  ros::set(message.velocity, velocity ? numbers : shown.velocity.data(), velocity ? count : n);
-  ros::set(message.effort, interface == "effort" ? numbers : effort, count);
+  ros::set(interface == "effort" ? message.effort : interface == "velocity" ? message.velocity : message.position, numbers, count);
   command_.send();
   if (!array_ || count == 0) return;
   ros::set(array_->message->data, numbers, count);
@@ -180,12 +174,11 @@ void ControllerNode::send_command(int64_t stamp_ns, const JointSample &shown, co
 
 void ControllerNode::publish(int64_t began_ns) {
   const SlipVic_CycleOutputs &out = session_.outputs();
-  const JointSample &joint = session_.joint();
   if (grip_) {
     grip_->message->data = out.grip;
     grip_->send();
   }
-  send_command(joint.stamp_ns, joint, out.command, session_.commands() ? joint.position.size() : 0, out.effort);
+  send_command(session_.stamp_ns(), out.command, session_.commands() ? settings_.joint_names.size() : 0);
   reports_.time(began_ns);
   auto &data = ledger_.message->data;
   std::copy(out.ledger, out.ledger + data.size, data.data);
@@ -271,10 +264,9 @@ void ControllerNode::run(const volatile int &stop) {
 
 void ControllerNode::close(int64_t timeout_ns) {
   if (!settings_.lockstep && session_.knows_joints()) {
-    const JointSample newest = session_.newest();
-    const std::vector<double> zero(newest.position.size());
+    const std::vector<double> zero(settings_.joint_names.size());
     const bool velocity = settings_.interface == "velocity"; /* such a drive continues with its last command */
-    send_command(newest.stamp_ns, newest, zero.data(), velocity ? zero.size() : 0, zero.data());
+    send_command(session_.arm().joint.last.stamp_ns, zero.data(), velocity ? zero.size() : 0);
   }
   const int64_t end_ns = now_ns() + timeout_ns;
   const auto deliver = [&](const ros::AnyPublisher &of) { of.deliver(std::max<int64_t>(0, end_ns - now_ns())); };

@@ -36,7 +36,7 @@ class ControllerNode {
   void wait(int64_t timeout_ns);
   void cycle();
   void publish(int64_t began_ns);
-  void send_command(int64_t stamp_ns, const JointSample &shown, const double *numbers, size_t count, const double *effort);
+  void send_command(int64_t stamp_ns, const double *numbers, size_t count);
   void look();
   void announce_when_ready();
   size_t owners(const ros::AnySubscription &input);

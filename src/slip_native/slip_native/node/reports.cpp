@@ -161,7 +161,7 @@ void Reports::publish() {
 
 void Reports::publish_mode() {
   const SlipVic_ModeState &mode = session_.outputs().mode;
-  const int64_t stamp_ns = session_.joint().stamp_ns, period = stamp_ns / STATUS_PERIOD_NS;
+  const int64_t stamp_ns = session_.stamp_ns(), period = stamp_ns / STATUS_PERIOD_NS;
   const bool held = mode.mode == SLIP_VIC_MODE_HOLD && !mode.enabled;
   const std::vector<int64_t> now = {mode.mode,         mode.reason.reason, mode.reason.fault,
                                     mode.reason.prefix, mode.reason.which, held};
@@ -248,7 +248,7 @@ static void put(geometry_msgs__msg__Pose &to, const double *position, const doub
 }
 
 void Reports::publish_symbols() {
-  const int64_t stamp_ns = session_.joint().stamp_ns, period = stamp_ns / SYMBOLS_PERIOD_NS;
+  const int64_t stamp_ns = session_.stamp_ns(), period = stamp_ns / SYMBOLS_PERIOD_NS;
   if (!session_.commands() || period == symbols_period_) return;
   symbols_period_ = period;
   const SlipVic_CycleOutputs &out = session_.outputs();

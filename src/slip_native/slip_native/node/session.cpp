@@ -25,13 +25,8 @@ void Session::add_joint(const JointSample &sample, int64_t now_ns) {
   const int64_t reason =
       slip_vic_receive_joint_state(&config(), arm_, static_cast<int64_t>(n_), sample.stamp_ns, sample.position.data(),
                                    sample.velocity.data(), sample.effort.data(), 0, now_ns, settings_.lockstep);
-  if (!settings_.lockstep && (reason == SLIP_VIC_REASON_OUT_OF_ORDER || reason == SLIP_VIC_REASON_CLOCK_JUMP)) return;
-  waits_ = true, reason_ = reason;
-  const SlipVic_JointRecord &answers = arm_->joint.answers;
-  if (arm_->joint.without && answers.stamp_ns == sample.stamp_ns)
-    waiting_ = sample_of(answers); /* what a command shows beside its numbers is numbers, too */
-  else
-    waiting_ = sample;
+  if (arm_->joint.pending == 0) return; /* it is dropped: no cycle answers it */
+  waits_ = true, reason_ = reason, waiting_ns_ = sample.stamp_ns;
 }
 
 void Session::add_wrench(int contact, int64_t stamp_ns, const double *six, int64_t now_ns) {
@@ -53,7 +48,7 @@ bool Session::add_manifest(const int64_t *numbers, size_t count) {
 bool Session::complete() const {
   if (!waits_ || !settings_.lockstep) return waits_;
   if (manifest_.size() != 3 + 2 * slip_counts_.size()) return false;
-  if (manifest_[1] * SECOND_NS + manifest_[2] != waiting_.stamp_ns) return false;
+  if (manifest_[1] * SECOND_NS + manifest_[2] != waiting_ns_) return false;
   for (size_t k = 0; k < slip_counts_.size(); ++k) {
     if (!config().models_wrench && manifest_[3 + 2 * k] != wrench_counts_[k]) return false;
     if (manifest_[4 + 2 * k] != slip_counts_[k]) return false;
@@ -65,8 +60,8 @@ bool Session::cycle(int64_t now_ns) {
   if (!complete()) return false;
   waits_ = false;
   manifest_.clear();
-  std::swap(answered_, waiting_);
-  now_ns = settings_.lockstep ? answered_.stamp_ns : now_ns;
+  answered_ns_ = waiting_ns_;
+  now_ns = settings_.lockstep ? answered_ns_ : now_ns;
   std::fill(exchange_.begin(), exchange_.end(), 0.0);
   if (slip_vic_begin_answer(&config(), arm_, inputs_, now_ns, request_, 0, reason_))
     terms_.fill(arm_->joint.answers.position, arm_->joint.answers.velocity, &inputs_->arm);
@@ -84,7 +79,7 @@ bool Session::watchdog(int64_t now_ns) {
   inputs_->present = 1, inputs_->now_ns = now_ns, inputs_->request = request_;
   arm_->joint.pending_fault = SLIP_VIC_REASON_SILENT;
   request_ = SLIP_VIC_REQUEST_NONE;
-  answered_ = newest();
+  answered_ns_ = arm_->joint.last.stamp_ns;
   commands_ = slip_vic_cycle(&config(), state_.data(), exchange_.data(), 1, static_cast<int64_t>(settings_.rows())) & 1;
   const bool changed = std::memcmp(&was.mode, &arm_->mode, sizeof was.mode) != 0 ||
                        std::memcmp(was.sent.effort, arm_->sent.effort, sizeof was.sent.effort) != 0 ||
@@ -119,9 +114,4 @@ SlipVic_Symbols Session::symbols() const {
   SlipVic_Symbols found;
   slip_vic_describe(&config(), inputs_, outputs_, &found);
   return found;
-}
-
-JointSample Session::sample_of(const SlipVic_JointRecord &record) const {
-  const auto copy = [this](const double *of) { return std::vector<double>(of, of + n_); };
-  return {record.stamp_ns, copy(record.position), copy(record.velocity), copy(record.effort)};
 }

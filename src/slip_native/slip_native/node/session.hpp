@@ -38,7 +38,7 @@ class Session {
   bool watchdog(int64_t now_ns);
 
   /* Of the last cycle. */
-  const JointSample &joint() const { return answered_; }
+  int64_t stamp_ns() const { return answered_ns_; } /* of the joint state that it answers */
   const SlipVic_CycleInputs &inputs() const { return *inputs_; }
   const SlipVic_CycleOutputs &outputs() const { return *outputs_; }
   bool commands() const { return commands_; }
@@ -49,12 +49,9 @@ class Session {
   SlipVic_Symbols symbols() const;
   const std::string &robot() const { return terms_.name(); }
   bool knows_joints() const { return arm_->joint.known != 0; }
-  JointSample newest() const { return sample_of(arm_->joint.last); }
 
  private:
-  void run(int64_t now_ns, int64_t stamp_ns);
   bool complete() const;
-  JointSample sample_of(const SlipVic_JointRecord &record) const;
 
   const Settings &settings_;
   Terms terms_;
@@ -64,8 +61,7 @@ class Session {
   SlipVic_ArmState *arm_;
   SlipVic_CycleInputs *inputs_;
   SlipVic_CycleOutputs *outputs_;
-  JointSample waiting_, answered_;
   bool waits_ = false, commands_ = false;
-  int64_t reason_ = 0, request_ = SLIP_VIC_REQUEST_NONE;
+  int64_t waiting_ns_ = 0, answered_ns_ = 0, reason_ = 0, request_ = SLIP_VIC_REQUEST_NONE;
   std::vector<int64_t> manifest_, wrench_counts_, slip_counts_;
 };
