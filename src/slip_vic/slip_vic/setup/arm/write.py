@@ -142,8 +142,8 @@ class Arm:
         axes = [[name for name, there in zip(AXES, start.way.given, strict=True) if there == kept] for kept in (1, 0)]
         asked, does = (", ".join(f"{value:.2f}" for value in values) for values in (end[3:], turned))
         return (
-            f"{len(self.hand.joints)} joints: the law commands {', '.join(axes[0])}; {', '.join(axes[1])} follow from "
-            f"the arm's posture, which turns the hand by [{does}] rad on this path, for [{asked}] in the scenario"
+            f"{len(self.hand.joints)} joints: the law commands {', '.join(axes[0])}; the arm's posture decides "
+            f"{', '.join(axes[1])}: the hand turns by [{does}] rad on this path, for [{asked}] in the scenario"
         )
 
     def _content(self, base: str, start: Start, scale: float) -> dict[str, Any]:
