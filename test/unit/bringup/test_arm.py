@@ -121,6 +121,24 @@ def test_an_arm_with_five_joints_goes_where_it_can() -> None:
     np.testing.assert_allclose(last[0] - first[0], [0.2, 0.15, 0.0], atol=2 * REACHED)
 
 
+def test_servos_at_50_hz_carry_with_five_joints(tmp_path: Path) -> None:
+    """Governed: no slip, at the goal, though nothing is known of efforts."""
+    arm = Arm(URDF.replace('effort="150"', 'effort="0"'), locked={"joint_5": 0.0}, by_effort=False)
+    content = arm.task("paper_planar", 0.5)[0]
+    write_arm(arm, {"paper_planar": content}, tmp_path, Path("odd.urdf"), "position_50")
+    run = load_scenario(str(tmp_path / "paper_planar.yaml"), law="governed", drive="position_50").run()
+    assert run.outcome == "ok", run.reason
+    assert run.worst("slip_linear_m") < REACHED
+    assert run.worst("final_error_m") < 2e-3  # a step of the encoders at the arm's length
+
+
+def test_a_start_inside_the_margin_of_a_limit_will_not_do() -> None:
+    arm, _, start = planar()
+    known = load_scenario("paper_planar").controller
+    near = start._replace(way=start.way._replace(margin=np.full(6, 0.9 * known.safety.limits.position_margin)))
+    assert "0.09 rad from its limit" in failing(near, arm.robot, known)
+
+
 def test_a_follower_stands_where_its_leader_puts_it() -> None:
     root = parse_urdf(Arm(URDF, locked={"left_finger_joint": 0.02}).urdf)
     origin = named(root, "joint")["right_finger_joint"].find("origin")
