@@ -30,4 +30,4 @@ def test_what_the_controller_gave_up_for_is_said(words: tuple[str, ...], kind: s
 def test_a_run_that_goes_well_says_nothing() -> None:
     done = slip_vic("run", "--set", "bridge.duration_s=0.3")
     assert done.returncode == 0
-    assert done.stderr == ""
+    assert [line for line in done.stderr.splitlines() if not line.endswith(" done")] == []  # progress, where it is slow
