@@ -41,11 +41,6 @@ LACKS_S: Final = 0.01
 slips in 1 of 10 runs that have none."""
 
 
-PULLS: Final = 0.5
-"""Share of what friction is taken to carry from which a load at rest beyond that of the model is a hand's: a wrong mass
-or a bias that a tare has left is less, and pads pass on no more than all of it."""
-
-
 @unique
 class Handover(IntEnum):
     """What the arm does where a hand pulls at the object."""
@@ -80,7 +75,10 @@ def start_evidence(state: WrenchEvidence) -> None:
 
 @part
 def pull(state: WrenchEvidence) -> Spatial:
-    """Return the mean load beyond the one that the pad's motion needs [N] {ee}."""
+    """Return the mean load beyond the one that the pad's motion needs [N] {ee}.
+
+    At rest it is a hand's, from LEAST_FRICTION F on: what a wrong mass or the bias after a tare leaves there is less.
+    """
     return spatial(state.measured) - spatial(state.needed)
 
 

@@ -14,7 +14,8 @@ from slip_core.vectors import spatial
 from slip_vic_controller.arm.estimator import unseen_ns
 from slip_vic_controller.arm.tare import moved_joint
 from slip_vic_controller.contact.estimate import SensorHealth
-from slip_vic_controller.contact.wrench_evidence import PULLS, pull
+from slip_vic_controller.contact.friction_estimate import LEAST_FRICTION
+from slip_vic_controller.contact.wrench_evidence import pull
 from slip_vic_controller.governor.plan import Governing
 from slip_vic_controller.law.extensions import FASTEST_M_S, slip_speed
 from slip_vic_controller.path.goals import GoalPhase
@@ -174,7 +175,7 @@ def find_hindrances(config: ControllerConfig, task: TaskState, state: ArmState, 
     see(rows, mistake, health > SensorHealth.READS_NOTHING, now_ns)
     load = pull(state.pad.evidence)
     pulled, F = math.sqrt(load.dot(load)), state.pad.grip * contact.F_median
-    hand = config.law.contacts == 1 and rests_at_end(config, task) and pulled > PULLS * F
+    hand = config.law.contacts == 1 and rests_at_end(config, task) and pulled > LEAST_FRICTION * F
     see(rows, Why(Reason.HAND.value, 0, 0, 0, pulled, F), hand, now_ns)
     given_up, waits = state.law.given_up.left_s > 0.0, state.observed.path_speed < 1.0 or task.path.scale < 1.0
     see(rows, because(Reason.OVERRUNS.value, 0), governor.overrun != 0, now_ns)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 
 from slip_core.cholesky import all_finite
@@ -24,6 +26,9 @@ from slip_vic_controller.safety.conditions import NOTHING, Reason, because, see
 from slip_vic_controller.safety.motion import observe_motion, rests_far_off, what_keeps
 from slip_vic_controller.state import ArmCycle
 
+FOLLOWS_M_S: Final = 0.25
+"""Largest speed along an axis with which the pad follows a hand [m/s]: the reduced speed of ISO 10218-1."""
+
 
 @part
 def follow(c: ArmCycle) -> None:
@@ -40,7 +45,8 @@ def follow(c: ArmCycle) -> None:
     if follows_hand:  # the law cancels the wrench: what the hand adds to it is to move M_D
         push = mat(inputs.arm.rotation) @ pull(state.pad.evidence).linear
         for i in range(3):
-            outputs.reference.acceleration[i] += push[i] / outputs.gains.gains.M_D[i]
+            most = FOLLOWS_M_S * outputs.gains.gains.D_D[i]
+            outputs.reference.acceleration[i] += min(max(push[i], -most), most) / outputs.gains.gains.M_D[i]
     q, qd, own = sample.position, sample.velocity, state.law
     evaluate(config.law, inputs.arm, q, qd, own.posture, own.e_previous, outputs)
     factor = guard(config, task, state, inputs.arm, outputs, held(config, state, outputs.gains))
