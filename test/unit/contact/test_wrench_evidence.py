@@ -39,12 +39,13 @@ def evidence() -> SimpleNamespace:
     return SimpleNamespace(state=state, contact=record(new(CONTACT_ESTIMATE), CONTACT_ESTIMATE))
 
 
-def run(e: SimpleNamespace, cycles: int, commanded: float, needed: float, measured: float, seen: int = 0) -> int:
+def run(e: SimpleNamespace, cycles: int, commanded: float, needed: float, measured: float, seen: int = 0,
+        observed: bool = False) -> int:  # fmt: skip
     """Do cycles of equal loads [N] along one axis; return in which one a slip was found, -1 = in none."""
     found, e.contact.slipping = -1, seen
     for k in range(cycles):
         need, load = Spatial(Vec(needed, 0.0, 0.0), ZERO), Spatial(Vec(measured, 0.0, 0.0), ZERO)
-        if lacks_load(e.state, e.contact, commanded, need, load, 0.25, k * MS, DT) and found < 0:
+        if lacks_load(e.state, e.contact, commanded, need, load, 0.25, observed, k * MS, DT) and found < 0:
             found = k
     return found
 
@@ -54,16 +55,16 @@ def carry(e: SimpleNamespace, load: float) -> None:
     assert run(e, 1000, load, load, load) == -1
 
 
-@pytest.mark.parametrize("share", [0.5, 0.7, 0.8])
-def test_time_to_find_a_slip(share: float) -> None:
+@pytest.mark.parametrize(("share", "observed"), [(0.5, False), (0.7, False), (0.8, False), (0.8, True), (0.93, True)])
+def test_time_to_find_a_slip(share: float, observed: bool) -> None:
     e = evidence()
     carry(e, 0.2)
-    # Closed form of the sum: lack(t) = (1 - share) (1 - exp(-t / MEAN_S)), counted from where it passes SCATTERS.
-    t, S = 0.0, 0.0
+    # Closed form of the sum: lack(t) = (1 - share) (1 - exp(-t / MEAN_S)), counted from where it passes SCATTERS, or in full.
+    t, S, scatters = 0.0, 0.0, 0.0 if observed else SCATTERS
     while S <= LACKS_S:
         t += DT
-        S = max(S + DT * ((1.0 - share) * (1.0 - math.exp(-t / MEAN_S)) - SCATTERS), 0.0)
-    assert run(e, 1000, 0.2, 0.2, share * 0.2) == round(t / DT) - 1
+        S = max(S + DT * ((1.0 - share) * (1.0 - math.exp(-t / MEAN_S)) - scatters), 0.0)
+    assert run(e, 1000, 0.2, 0.2, share * 0.2, observed=observed) == round(t / DT) - 1
     assert (e.contact.needs, e.state.unseen_ns) == (pytest.approx(0.2), (round(t / DT) - 1) * MS)
     assert share * 0.2 < e.contact.lacks < 0.2
 
@@ -111,7 +112,7 @@ def test_noise_is_no_load() -> None:
     e, rng, found = evidence(), np.random.default_rng(3), 0
     for k in range(20_000):
         noisy = Spatial(Vec(0.15 + 0.05 * rng.standard_normal(), 0.05 * rng.standard_normal(), 0.0), ZERO)
-        found += lacks_load(e.state, e.contact, 0.15, Spatial(Vec(0.15, 0.0, 0.0), ZERO), noisy, 0.25, k * MS, DT)
+        found += lacks_load(e.state, e.contact, 0.15, Spatial(Vec(0.15, 0.0, 0.0), ZERO), noisy, 0.25, False, k * MS, DT)
     assert found == 0
 
 

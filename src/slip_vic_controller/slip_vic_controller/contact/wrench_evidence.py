@@ -10,6 +10,7 @@ was commanded, and of the one that the pad's own acceleration needs:
 
 Both motions have to need it: an arm that is stuck is commanded to accelerate and does not, and noise of joint
 velocities accelerates where nothing is commanded. Means of vectors come before sizes, which noise only makes larger.
+While the observer finds slip, all that is missing counts: it has learnt the errors for which SCATTERS makes room.
 
 Assumptions: one arm, whose mass and wrench are right to SCATTERS (a tare sees to both where the weight is not in the
 slip plane). What a wrong mass claims is believed once, until a load that counts has been carried in full: it costs the
@@ -85,7 +86,7 @@ def pull(state: WrenchEvidence) -> Spatial:
 @part
 def lacks_load(
     state: WrenchEvidence, contact: ContactEstimate, commanded: float, needed: Spatial, measured: Spatial, F: float,
-    stamp_ns: int, dt: float,
+    found: bool, stamp_ns: int, dt: float,
 ) -> bool:  # fmt: skip
     """Take in the loads of a cycle; return whether they show a slip that was not known.
 
@@ -96,6 +97,7 @@ def lacks_load(
         needed: load of the acceleration that the pad has, turning at the torsional radius [N] {ee}.
         measured: the load [N] {ee}.
         F: load that friction was taken to carry at first [N].
+        found: whether the observer finds slip.
         stamp_ns: of this cycle.
         dt: since the cycle before [s].
     """
@@ -110,7 +112,8 @@ def lacks_load(
         return False
     D, carried = min(state.commanded, math.sqrt(need.dot(need))), math.sqrt(load.dot(load))
     counts = max(D, LEAST_FRICTION * F)
-    state.sum_s = min(max(state.sum_s + dt * ((D - carried) / counts - SCATTERS), 0.0), 2.0 * LACKS_S)
+    lack = (D - carried) / counts - (0.0 if found else SCATTERS)
+    state.sum_s = min(max(state.sum_s + dt * lack, 0.0), 2.0 * LACKS_S)
     if state.sum_s == 0.0 and counts == D:
         state.spent = 0
     if state.sum_s <= LACKS_S or state.spent != 0 or carried < LEAST_FRICTION * F:

@@ -106,7 +106,7 @@ def estimate_contact(
             add_reading(pad.sensor, sample.stamp_ns, slip, -spatial(evidence.measured), contact.slipping != 0)
             judge_health(pad.sensor, DIFFERS, limits.friction.quantum)
     if alone and dt > 0.0:
-        weigh_evidence(config, state, outputs, measured, dt)
+        weigh_evidence(config, state, outputs, measured, found, dt)
     put_certain(limits.friction, contact)
     suspect(limits.friction, contact, friction, found)
     if config.grip.follow != 0:
@@ -122,11 +122,11 @@ def estimate_contact(
 
 @part
 def weigh_evidence(
-    config: ControllerConfig, state: ArmState, outputs: CycleOutputs, measured: Spatial, dt: float
+    config: ControllerConfig, state: ArmState, outputs: CycleOutputs, measured: Spatial, found: bool, dt: float
 ) -> None:
     """Compare the load with the one that the pad's motion needs, and learn friction where that shows a slip.
 
-    measured: the load [N] {ee}; dt: since the cycle before [s].
+    measured: the load [N] {ee}; found: whether the observer finds slip; dt: since the cycle before [s].
     """
     pad, limits, motion, stamp_ns = state.pad, config.governor, outputs.motion, state.joint.answers.stamp_ns
     evidence, v_ee = pad.evidence, spatial(motion.v_ee)
@@ -136,7 +136,7 @@ def weigh_evidence(
         F = pad.grip * pad.contact.first
         if state.conditions[Reason.HAND].since_ns != NEVER:
             evidence.sum_s = 0.0  # what the hand carries is no load that is missing
-        if lacks_load(evidence, pad.contact, pad.commanded, needed, measured, F, stamp_ns, dt):
+        if lacks_load(evidence, pad.contact, pad.commanded, needed, measured, F, found, stamp_ns, dt):
             learn_carried(limits.friction, pad.contact, pad.friction, pad.contact.lacks / pad.grip)
     put_spatial(evidence.twist, v_ee)
     evidence.begun = 1
