@@ -112,7 +112,9 @@ def test_noise_is_no_load() -> None:
     e, rng, found = evidence(), np.random.default_rng(3), 0
     for k in range(20_000):
         noisy = Spatial(Vec(0.15 + 0.05 * rng.standard_normal(), 0.05 * rng.standard_normal(), 0.0), ZERO)
-        found += lacks_load(e.state, e.contact, 0.15, Spatial(Vec(0.15, 0.0, 0.0), ZERO), noisy, 0.25, False, k * MS, DT)
+        found += lacks_load(
+            e.state, e.contact, 0.15, Spatial(Vec(0.15, 0.0, 0.0), ZERO), noisy, 0.25, False, k * MS, DT
+        )
     assert found == 0
 
 
