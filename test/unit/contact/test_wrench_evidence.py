@@ -59,7 +59,7 @@ def carry(e: SimpleNamespace, load: float) -> None:
 def test_time_to_find_a_slip(share: float, observed: bool) -> None:
     e = evidence()
     carry(e, 0.2)
-    # Closed form of the sum: lack(t) = (1 - share) (1 - exp(-t / MEAN_S)), counted from where it passes SCATTERS, or in full.
+    # Closed form of the sum: lack(t) = (1 - share) (1 - exp(-t / MEAN_S)), counted beyond SCATTERS, or in full.
     t, S, scatters = 0.0, 0.0, 0.0 if observed else SCATTERS
     while S <= LACKS_S:
         t += DT
