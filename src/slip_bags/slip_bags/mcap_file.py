@@ -45,8 +45,8 @@ def mcap_files(path: Path) -> list[Path]:
         return [path]
     files = sorted(path.glob("*.mcap"), key=lambda file: (len(file.name), file.name))  # x_2 before x_10
     if not files:
-        expected = "a bag with MCAP files, not compressed as a whole"
-        raise InputError(f"bag {path}", got="a folder without them", expected=expected, fix="ros2 bag convert")
+        fix = "a bag that is compressed as a whole: ros2 bag convert"
+        raise InputError(f"bag {path}", got="no MCAP file in this folder", expected="at least one", fix=fix)
     return files
 
 

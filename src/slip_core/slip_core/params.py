@@ -206,14 +206,19 @@ def validate(model: type[Model], nested: Mapping[str, object], origin: str) -> M
     try:
         return model.model_validate(nested)
     except ValidationError as error:
-        first = error.errors()[0]
+        # an unknown name first: a missing one is often the same, mistyped
+        first = min(error.errors(), key=lambda one: one["type"] != "extra_forbidden")
         name = ".".join(str(part) for part in first["loc"]) or "(all together)"
         message = first["msg"].removeprefix("Value error, ")
         if first["type"] == "extra_forbidden":
             raise UnknownName("name", name, model.model_fields, where=origin) from None
         if first["type"] == "value_error":
             raise InputError(f"{origin}: parameter {name}", got=message, expected="consistent values") from None
+        if first["type"] == "missing" and not isinstance(first["loc"][-1], int):
+            raise InputError(f"{origin}: parameter {name}", got="none", expected="a value") from None
         read = first["input"]
+        if first["type"] == "missing":  # of a list
+            name, message = name.rpartition(".")[0], f"{len(read) + error.error_count()} values"
         where = f"{origin}, line {read.line}" if isinstance(read, Doubtful) else origin
         raise InputError(f"{where}: parameter {name}", got=read, expected=_expected(message)) from None
 
@@ -221,7 +226,7 @@ def validate(model: type[Model], nested: Mapping[str, object], origin: str) -> M
 def _expected(message: str) -> str:
     for lead in ("Input should be ", "Tuple should have ", "List should have "):
         if message.startswith(lead):
-            return message.removeprefix(lead)
+            return message.removeprefix(lead).partition(", unable")[0]
     return message
 
 
@@ -297,7 +302,10 @@ def parse_mapping(text: str, origin: str) -> dict[str, Any]:
     try:
         content = read_yaml(text)
     except yaml.YAMLError as error:
-        raise InputError(origin, got=str(error), expected="valid YAML") from None
+        mark = getattr(error, "problem_mark", None)
+        where = f"{origin}, line {mark.line + 1}" if mark else origin
+        got = str(getattr(error, "problem", None) or error).replace("did not find expected", "no")
+        raise InputError(where, got=got, expected="valid YAML") from None
     if not isinstance(content, dict):
         raise InputError(origin, got=type(content).__name__, expected="a YAML mapping of names to values")
     return content

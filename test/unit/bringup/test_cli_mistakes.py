@@ -32,9 +32,12 @@ MISTAKES = {
     ),
     "path out of reach": (["--set", "controller.trajectory.displacement=[0, 0, 2]"], ["trajectory", "% of its time"]),
     "urdf is not xml": (["--urdf", "broken.urdf"], ["robot_description", "URDF"]),
-    "scenario file is not yaml": (["--scenario", "broken.yaml"], ["broken.yaml"]),
-    "scenario file with an unknown key": (["--scenario", "extra.yaml"], ["durration_s", "duration_s"]),
-    "parameter file missing": (["--params", "nowhere.yaml"], ["nowhere.yaml"]),
+    "scenario file is not yaml": (["--scenario", "broken.yaml"], ["broken.yaml, line 1: got no ',' or ']'"]),
+    "scenario file with an unknown key": (["--scenario", "extra.yaml"], ["unknown name", "did you mean duration_s"]),
+    "parameter file missing": (
+        ["--params", "nowhere.yaml"],
+        ["file nowhere.yaml: got No such file or directory, expected"],
+    ),
     "parameter file of another node": (
         ["--params", "bridge.yaml"],
         ["bridge.yaml", "/**/slip_sim_bridge", "slip_vic_controller"],

@@ -33,7 +33,7 @@ def read_text(uri: str, what: str) -> str:
             raise ValueError(f"more than {MAX_TEXT} bytes")
         return data.decode("utf-8")
     except (OSError, ValueError) as error:
-        raise InputError(what, got=uri, expected="a readable file", fix=str(error)) from None
+        raise _unreadable(what, uri, error) from None
 
 
 def open_file(path: Path, what: str) -> IO[bytes]:
@@ -47,7 +47,13 @@ def open_file(path: Path, what: str) -> IO[bytes]:
             raise InputError(what, got="no regular file", expected="a readable file")
         return path.open("rb")
     except (OSError, ValueError) as error:
-        raise InputError(what, got=str(path), expected="a readable file", fix=str(error)) from None
+        raise _unreadable(what, str(path), error) from None
+
+
+def _unreadable(what: str, uri: str, error: Exception) -> InputError:
+    """Return the error of a file that cannot be read; what: may name it already."""
+    why = getattr(error, "strerror", None) or str(error)
+    return InputError(what, got=why if uri in what else f"{uri}: {why}", expected="a readable file")
 
 
 def find_file(uri: str) -> Path:

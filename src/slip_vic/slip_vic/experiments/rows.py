@@ -104,11 +104,11 @@ def read_json(path: Path) -> tuple[dict[str, str], str]:
         InputError: nothing of this version says so.
     """
     try:
-        found = parse_json(read_text(str(path.with_suffix(".json")), FILE))
+        found = parse_json(read_text(str(path.with_suffix(".json")), f"rows {path}"))
         return dict(found["made_of"]), str(found["rows"])
-    except (InputError, ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError) as error:
         raise InputError(
-            f"folder {path.parent}", got=f"{type(error).__name__}: {error}", expected="rows of an experiment",
+            f"folder {path.parent}", got=str(error), expected="rows of an experiment",
             fix="give another folder",
         ) from None  # fmt: skip
 

@@ -41,9 +41,7 @@ def read_points(path: Path, joint_names: tuple[str, ...]) -> Points:
         values = table[list(names)].to_numpy(dtype=np.float64)
         times = table["time"].to_numpy(dtype=np.float64) if "time" in table.columns else np.empty(0)
     except ValueError as error:
-        raise InputError(
-            f"path {path}", got=f"{type(error).__name__}: {error}", expected="a CSV file with a header and numbers"
-        ) from None
+        raise InputError(f"path {path}", got=str(error), expected="a CSV file with a header and numbers") from None
     checked(Points(np.arange(len(values), dtype=float), values, names), str(path))
     if len(times):
         _check_times(Points(times, values, names), str(path))
