@@ -32,7 +32,7 @@ MISTAKES = {
     ),
     "path out of reach": (["--set", "controller.trajectory.displacement=[0, 0, 2]"], ["trajectory", "% of its time"]),
     "urdf is not xml": (["--urdf", "broken.urdf"], ["robot_description", "URDF"]),
-    "scenario file is not yaml": (["--scenario", "broken.yaml"], ["broken.yaml, line 1: got no ',' or ']'"]),
+    "scenario file is not yaml": (["--scenario", "broken.yaml"], ["broken.yaml, line", "got no ',' or ']'"]),
     "scenario file with an unknown key": (["--scenario", "extra.yaml"], ["unknown name", "did you mean duration_s"]),
     "parameter file missing": (
         ["--params", "nowhere.yaml"],
