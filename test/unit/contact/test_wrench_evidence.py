@@ -84,6 +84,15 @@ def test_no_slip_without_lack(commanded: float, needed: float, measured: float) 
     assert run(evidence(), 3000, commanded, needed, measured) == -1
 
 
+@pytest.mark.parametrize(("along", "found"), [(0.1, 0), (0.18, 1)])
+def test_only_what_is_missing_along_the_load_counts(along: float, found: int) -> None:
+    """Noise of the pad's acceleration across the load makes the vector longer."""
+    e = evidence()
+    need, load = Spatial(Vec(along, 0.15, 0.0), ZERO), Spatial(Vec(0.1, 0.0, 0.0), ZERO)
+    count = sum(lacks_load(e.state, e.contact, 0.2, need, load, 0.25, False, k * MS, DT) for k in range(2000))
+    assert count == found
+
+
 def test_the_slip_sensor_sees_it() -> None:
     e = evidence()
     carry(e, 0.2)

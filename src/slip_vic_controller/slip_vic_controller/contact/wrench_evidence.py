@@ -3,13 +3,14 @@
 While nothing slips the object moves with the pad, and the contact carries l(a), the load of that motion. A contact that
 slips carries what friction has, and that does not grow with what is asked. So a load that stays below the one that the
 motion needs is a slip, or a mass that is wrong. With means over MEAN_S of the load l that is measured, of the one that
-was commanded, and of the one that the pad's own acceleration needs:
+was commanded, and of the one that the pad's own acceleration needs, u along mean l:
 
-    D = min(mean |l(a_commanded)|, |mean l(a_pad)|),   lack = (D - |mean l|) / max(D, LEAST_FRICTION F)
+    D = min(mean |l(a_commanded)|, u . mean l(a_pad)),   lack = (D - |mean l|) / max(D, LEAST_FRICTION F)
     S <- max(0, S + dt (lack - SCATTERS)),   a slip where S > LACKS_S      (cumulative sum: E. S. Page, 1954)
 
 Both motions have to need it: an arm that is stuck is commanded to accelerate and does not, and noise of joint
-velocities accelerates where nothing is commanded. Means of vectors come before sizes, which noise only makes larger.
+velocities accelerates where nothing is commanded. What the pad's motion needs counts along the load that is measured:
+noise of joint velocities makes the size of a vector larger, and of a component it has no mean.
 While the observer finds slip, all that is missing counts: it has learnt the errors for which SCATTERS makes room.
 
 Assumptions: one arm, whose mass and wrench are right to SCATTERS (a tare sees to both where the weight is not in the
@@ -110,7 +111,8 @@ def lacks_load(
     if contact.slipping != 0:
         state.sum_s, state.unseen_ns = 0.0, NEVER
         return False
-    D, carried = min(state.commanded, math.sqrt(need.dot(need))), math.sqrt(load.dot(load))
+    carried = math.sqrt(load.dot(load))
+    D = min(state.commanded, need.dot(load) / carried) if carried > 0.0 else 0.0
     counts = max(D, LEAST_FRICTION * F)
     lack = (D - carried) / counts - (0.0 if found else SCATTERS)
     state.sum_s = min(max(state.sum_s + dt * lack, 0.0), 2.0 * LACKS_S)
