@@ -34,6 +34,7 @@ from test.system.nodes.test_modes import BRIDGE_ENDLESS, CONTROLLER_SLOW, Start,
 
 pytestmark = pytest.mark.skipif(shutil.which("cmake") is None, reason="no cmake")
 STATES = 200
+REACHED_M = 2e-4  # the impedance has 4 time constants to settle on a 2 mm step
 
 
 # -- terms -------------------------------------------------------------------------------------------
@@ -184,6 +185,45 @@ def test_silence_is_answered_by_the_watchdog(watcher: Watcher, start: Start, nat
     processes.kill(bridge)
     watcher.wait_mode("HOLD", "joint state is silent")
     assert processes.stop(native, signal.SIGINT) == 0
+
+
+@pytest.mark.parametrize(("kind", "topic"), [("topic", "reference"), ("goal", "goal")])
+def test_reference_and_goal_are_followed(
+    watcher: Watcher, start: Start, processes: Processes, built: Path, tmp_path: Path, kind: str, topic: str
+) -> None:
+    from geometry_msgs.msg import PoseStamped, Transform, Vector3
+    from std_msgs.msg import String
+    from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
+
+    assignments = (SHORT, *CONTROLLER_SLOW, f"controller.trajectory.kind={kind}")
+    folder = of_scenario(
+        built, load_scenario("paper_planar", mode="realtime", assignments=assignments), tmp_path / "of"
+    )
+    native = processes.start("native", [folder / "build" / "slip_vic_node", folder])
+    poses: list[Any] = []
+    said: list[str] = []
+    watcher.node.create_subscription(PoseStamped, "controller/ee_pose", poses.append, 10)
+    watcher.node.create_subscription(String, "controller/goal", lambda m: said.append(m.data), 10)
+    publisher = watcher.node.create_publisher(MultiDOFJointTrajectory, topic, 10)
+    start("bridge", *BRIDGE_ENDLESS)
+    watcher.spin(lambda: poses and publisher.get_subscription_count(), "the first pose")
+    here = poses[0].pose
+    pose = Transform(translation=Vector3(x=here.position.x + 0.002, y=here.position.y, z=here.position.z))
+    pose.rotation = here.orientation
+    message = MultiDOFJointTrajectory(points=[MultiDOFJointTrajectoryPoint(transforms=[pose])])
+    message.points[0].time_from_start.sec = 1
+
+    def arrived() -> bool:
+        if kind == "topic" or not any("moves" in line for line in said):
+            publisher.publish(message)
+        return abs(poses[-1].pose.position.x - pose.translation.x) < REACHED_M
+
+    watcher.spin(arrived, "the pad at the reference")
+    if kind == "goal":
+        watcher.spin(lambda: any("reached" in line for line in said), "the goal")
+    publisher.publish(MultiDOFJointTrajectory())
+    watcher.spin(lambda: any(f"{topic}: message refused" in line for line in native.lines), "the refusal")
+    assert processes.stop(native, signal.SIGTERM) == 0
 
 
 def attacks() -> list[tuple[Any, str, Any]]:
