@@ -40,9 +40,10 @@ def summarise(run: ArmData) -> dict[str, float]:
     if not len(evaluated):
         evaluated = np.full((1, 6), np.nan)
     rms = np.sqrt(np.mean(evaluated**2, axis=0))
-    symbols = run.channel("law").rows
-    squeeze = symbols[:, run.symbols.index("grip_command")] if "grip_command" in run.symbols else symbols[:, 0] * np.nan
-    squeeze = squeeze[np.isfinite(squeeze)] if np.isfinite(squeeze).any() else np.array([np.nan])
+    squeeze = run.channel("law").rows[:, [name == "grip_command" for name in run.symbols]]
+    squeeze = squeeze[np.isfinite(squeeze)]
+    if not len(squeeze):  # where nothing is governed it is as configured
+        squeeze = np.array([run.parameters.get("grip.nominal_force", math.nan)])
     end = [float(part[-1]) if len(part) else math.nan for part in off_goal(run)[1:]]
     return {
         "slip_linear_m": float(linear[-1]),
@@ -163,7 +164,7 @@ ROWS: tuple[tuple[str, str, float, int], ...] = (
     ("internal_peak_n", "internal force, peak [N]", 1.0, 2),
     ("squeeze_mean_n", "squeeze, mean [N]", 1.0, 2),
     ("squeeze_peak_n", "squeeze, peak [N]", 1.0, 2),
-    ("load_peak", "load / friction limit, peak", 1.0, 2),
+    ("load_peak", "load / nominal friction, peak", 1.0, 2),
     ("effort_peak_nm", "peak effort [N m]", 1.0, 1),
 )
 """Key, label, scale and digits; the internal force is that of several arms."""
