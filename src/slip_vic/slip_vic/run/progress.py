@@ -36,16 +36,20 @@ def progress(console: Console, *, unit: str = "") -> Iterator[AddBar]:
     with Progress(*columns, console=console, disable=not console.is_terminal) as bars:
 
         def add(name: str, total: float, done: int = 0) -> Report:
-            task, said_s = bars.add_task(name, total=total, completed=done, remark=""), bars.get_time()
+            task, began_s = bars.add_task(name, total=total, completed=done, remark=""), bars.get_time()
+            said_s = began_s
 
             def report(now: float, remark: str = "") -> None:
                 nonlocal said_s
                 bars.update(task, completed=round(now, 1), remark=remark)
                 if not console.is_terminal and (now == total or bars.get_time() >= said_s + EVERY_S):
                     said_s = bars.get_time()
-                    console.print(
-                        ", ".join(filter(None, (f"{name}: {now:g} of {total:g}{unit} done", remark))), highlight=False
+                    left_s = (said_s - began_s) * (total - now) / max(now - done, 1e-9)
+                    parts = (
+                        f"{name}: {round(now, 1):g} of {total:g}{unit} done",
+                        f"{left_s:.0f} s left" * (left_s > 0.0),
                     )
+                    console.print(", ".join(filter(None, (*parts, remark))), highlight=False)
 
             return report
 
