@@ -70,9 +70,11 @@ def run(
     """
     if page is not None:
         require_page()
+    from slip_vic.run.prepare import prepare
     from slip_vic.scenarios.scenario import load_scenario
 
     loaded = load_scenario(**choice)
+    prepare()  # before anything is imported that compiles
 
     from rich.console import Console
 
@@ -170,9 +172,11 @@ def demo(*, choice: Choice, out: Path, in_process: bool, domain_id: int | None) 
     require_page()
     if not in_process:
         check_ros()
+    from slip_vic.run.prepare import prepare
     from slip_vic.scenarios.scenario import load_scenario
 
     load_scenario(**choice)  # a typo ends here
+    prepare()
 
     from rich.console import Console
 
