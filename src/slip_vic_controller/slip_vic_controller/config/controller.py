@@ -20,6 +20,7 @@ from slip_vic_controller.config.observer import TUNING, observer_config, witness
 from slip_vic_controller.contact.friction_estimate import Friction
 from slip_vic_controller.contact.layouts import OBSERVER_CONFIG
 from slip_vic_controller.contact.wrench_evidence import Handover
+from slip_vic_controller.governor.grip import SINKS_S
 from slip_vic_controller.governor.layouts import GovernorConfig
 from slip_vic_controller.governor.plan import Governing
 from slip_vic_controller.interfaces import fill_wrench_sensor
@@ -88,7 +89,7 @@ def make_config(params: ControllerParams, robot: Robot, *, lockstep: bool, arms:
     config.tare.slip_linear, config.tare.slip_angular = params.tare.slip
     config.tare.force, config.tare.torque = params.tare.wrench
     copy_fields(config.grip, params.grip)
-    config.grip.follow = int(params.grip.control == "follow")
+    config.grip.follow, config.grip.preview_s = int(params.grip.control == "follow"), params.grip.lag_s + SINKS_S
     _fill_cycle(config, params, len(robot.joint_names))
     _fill_inputs(config, params, robot, lockstep=lockstep)
     _fill_conditions(config, params)

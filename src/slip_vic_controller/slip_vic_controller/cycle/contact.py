@@ -61,7 +61,7 @@ def hold_on(config: ControllerConfig, task: TaskState, state: ArmState, dt: floa
     pad, probe = state.pad, config.governor.friction.probe
     load = load_to_hold(pad.belief, pad.commanded) + probe
     if task.governor.planned == 1:
-        load += load_ahead(task.grid, task.governor.time, config.grip.lag_s)
+        load += load_ahead(task.grid, task.governor.time, config.grip.preview_s)
     pad.contact.F_risk = config.governor.friction.configured * certain_share(pad.belief, config.grip.risk)
     needed = load * config.grip.nominal_force / pad.contact.F_risk
     squeeze(config.grip, state.grip, needed, sliding(pad.belief) > BELIEF_TUNING.slides, dt)

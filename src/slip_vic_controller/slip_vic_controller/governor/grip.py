@@ -18,8 +18,9 @@ from slip_core.records import Real, Record, Records, Whole
 from slip_vic_controller.contact.belief import BELIEF_TUNING, Belief
 from slip_vic_controller.governor.plan import GRID_POINTS, GridPoint
 
-SINKS_S: Final = 0.01
-"""In which the command sinks to what the load needs, or grows in a slip, by the factor e [s]."""
+SINKS_S: Final = 0.02
+"""In which the command sinks to what the load needs, or grows in a slip, by the factor e; and by which the load ahead
+is looked at earlier than the gripper takes [s]."""
 
 
 class GripConfig(Record):
@@ -31,7 +32,8 @@ class GripConfig(Record):
     cap: Real  # N
     error_force: Real  # N, by which the force may be less than commanded
     risk: Real  # probability that friction carries less than is taken as certain
-    lag_s: Real  # s, of the gripper; so far ahead the load of the path is looked at
+    lag_s: Real  # s, of the gripper
+    preview_s: Real  # s
 
 
 class Grip(Record):
@@ -57,7 +59,7 @@ def load_ahead(grid: Records[GridPoint], time: float, preview_s: float) -> float
     now = most = 0.0
     for i in range(first, GRID_POINTS):
         point = grid[i]
-        if i > first and point.time > time + preview_s:
+        if i > first + 1 and point.time > time + preview_s:
             break
         x, u = point.K, 0.0
         if i + 1 < GRID_POINTS and grid[i + 1].s > point.s:

@@ -87,5 +87,5 @@ class GripParams(GripperModel):
         unit="N", ge=0.0,
     )  # fmt: skip
     risk: float = parameter(
-        0.01, "control follow: probability that friction carries less than the grip counts on", gt=0.0, lt=0.5
+        5e-3, "control follow: probability that friction carries less than the grip counts on", gt=0.0, lt=0.5
     )
