@@ -13,7 +13,7 @@ SERVE = """
 import resource, time
 resource.setrlimit(resource.RLIMIT_NOFILE, (256, 256))
 from slip_vic.page.audience import Audience
-audience = Audience("127.0.0.1", 0)
+audience = Audience(0)
 print(audience.port, flush=True)
 while True:
     time.sleep(0.05)

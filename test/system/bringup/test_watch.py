@@ -96,7 +96,7 @@ def test_address_is_local_and_serves_the_page_alone(processes: Processes) -> Non
     port = address.rstrip("/").rpartition(":")[2]
     second = processes.python("second", "-m", "slip_vic.cli", "watch", "--port", port)
     assert processes.wait_end(second) == 2
-    assert "choose another --port" in second.tail()
+    assert "a free port; choose another" in second.tail()
     assert processes.stop(child, signal.SIGINT) == 0
 
 

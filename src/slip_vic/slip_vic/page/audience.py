@@ -6,7 +6,6 @@ import asyncio
 import http
 import json
 import re
-import socket
 import threading
 from concurrent.futures import Future
 from typing import Final
@@ -20,36 +19,34 @@ from slip_vic.page.page import assemble
 
 MODEL: Final = "model"
 """Tells a browser that the next message is a model, not a frame."""
+HOST: Final = "127.0.0.1"
+OWN: Final = re.compile(r"(localhost|127\.0\.0\.1)(:\d+)?")
+"""Names under which a browser of this machine asks."""
 
 
 class Audience:
     """The browsers: serves the page, sends each the model and then frames; a slow one misses some."""
 
-    def __init__(self, host: str, port: int) -> None:
+    def __init__(self, port: int) -> None:
         self._page = assemble(
             live=True, title="slip-vic watch", table="", laws="", facts="", notes="", data="", description=""
         ).encode()
-        names = "|".join(map(re.escape, ("localhost", host, socket.gethostname())))
-        self._hosts = re.compile(rf"(?i:{names}|[\d.]+|\[[\da-f:]+\])(:\d+)?")
         self._kept: dict[str, bytes | str] = {}
         self._browsers: set[ServerConnection] = set()
         started: Future[int] = Future()
-        self._thread = threading.Thread(
-            target=asyncio.run, args=(self._serve(host, port, started),), name="watch-server", daemon=True
-        )
+        serving = self._serve(port, started)
+        self._thread = threading.Thread(target=asyncio.run, args=(serving,), name="watch-server", daemon=True)
         self._thread.start()
         try:
             self.port = started.result()
         except OSError as error:
-            raise InputError(
-                f"address {host}:{port}", got=error, expected="a free port", fix="choose another --port"
-            ) from None
+            raise InputError(f"--port {port}", got=error, expected="a free port", fix="choose another") from None
 
-    async def _serve(self, host: str, port: int, started: Future[int]) -> None:
+    async def _serve(self, port: int, started: Future[int]) -> None:
         self._loop, self._over = asyncio.get_running_loop(), asyncio.Event()
         try:
             server = await serve(
-                self._attend, host, port, process_request=self._answer, compression=None, ping_interval=None
+                self._attend, HOST, port, process_request=self._answer, compression=None, ping_interval=None
             )
         except OSError as error:
             started.set_exception(error)
@@ -98,7 +95,7 @@ class Audience:
     def _is_own(self, headers: Headers) -> bool:
         """Whether the page asks that is served here, not one of another origin or under another name."""
         hosts, origins = headers.get_all("Host"), headers.get_all("Origin")
-        return len(hosts) == 1 and bool(self._hosts.fullmatch(hosts[0])) and set(origins) <= {f"http://{hosts[0]}"}
+        return len(hosts) == 1 and bool(OWN.fullmatch(hosts[0])) and set(origins) <= {f"http://{hosts[0]}"}
 
     def _answer(self, _: ServerConnection, request: Request) -> Response | None:
         if not self._is_own(request.headers):

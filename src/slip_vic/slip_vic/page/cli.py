@@ -32,11 +32,8 @@ def report(bags: tuple[Path, ...], out: Path) -> None:
 @click.command()
 @click.option("--namespace", default="", help="of the arm; default: every namespace with joint states")
 @click.option("--domain-id", type=int, help="default ROS_DOMAIN_ID, else that of the newest `slip-vic run`, else 0")
-@click.option(
-    "--host", default="127.0.0.1", show_default=True, help="address to listen on; others may watch if it is not local"
-)
 @click.option("--port", type=click.IntRange(0, 65535), default=8765, show_default=True, help="0: a free one")
-def watch(namespace: str, domain_id: int | None, host: str, port: int) -> None:
+def watch(namespace: str, domain_id: int | None, port: int) -> None:
     """Show in the browser what runs now: the same picture and plots, from the topics.
 
     Without --domain-id and ROS_DOMAIN_ID it shows the newest `slip-vic run` of this machine.
@@ -51,8 +48,8 @@ def watch(namespace: str, domain_id: int | None, host: str, port: int) -> None:
     runs = domains_in_use()
     wanted = chosen_domain(domain_id)
     domain = (runs or [0])[0] if wanted is None else wanted
-    audience = Audience(host, port)
-    click.echo(f"http://{host}:{audience.port}/  (Ctrl-C ends)")
+    audience = Audience(port)
+    click.echo(f"http://127.0.0.1:{audience.port}/  (Ctrl-C ends)")
     try:
         here = "a run of slip-vic" if domain in runs else "joint_states and robot_description"
         click.echo(f"watching ROS domain {domain} for {here}", err=True)
