@@ -74,13 +74,13 @@ def read(
     return Readings(times, v, times[at] + stamps_s, readings, 6.0 * noise)
 
 
-def found_in(given: Readings, differs: float, quantum: float = 0.0) -> Any:
+def found_in(given: Readings, differs: float, quantum: float = 0.0, bias: float = 0.0) -> Any:
     """Return the evidence of readings, where the motion drags the object."""
     state = evidence()
     for stamp, z in zip(given.stamps, given.readings, strict=True):
         drags = given.motion[np.clip(np.searchsorted(given.times, stamp), 0, len(given.times) - 1)]
         add_reading(state, round(1e9 * stamp), spatial(z), spatial(drags), bool(np.linalg.norm(z) > given.least))
-    judge_health(state, differs, quantum)
+    judge_health(state, differs, bias, quantum)
     return state
 
 
@@ -126,6 +126,13 @@ def test_held_values_are_counted(quantum: float, health: SensorHealth) -> None:
 def test_little_is_no_evidence(sensor: str) -> None:
     """Pads give way so far, to and fro."""
     assert found_in(read(sensor, -np.eye(3), way=0.1 * GIVES_M), DIFFERS).found == SensorHealth.OK
+
+
+def test_a_bias_explains_as_much_of_the_way_as_it_may_have_moved() -> None:
+    readings = read("event", -np.eye(3))
+    speed = float(np.abs(readings.readings[:, :3]).sum(axis=1).max())
+    assert found_in(readings, DIFFERS).found == SensorHealth.INVERTED
+    assert found_in(readings, DIFFERS, bias=speed).found == SensorHealth.OK
 
 
 def test_no_force_no_direction() -> None:

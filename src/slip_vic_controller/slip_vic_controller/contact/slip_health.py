@@ -94,15 +94,16 @@ def add_reading(state: SlipEvidence, stamp_ns: int, v: Spatial, drags: Spatial, 
 
 
 @part
-def judge_health(state: SlipEvidence, differs: float, quantum: float) -> None:
+def judge_health(state: SlipEvidence, differs: float, bias: float, quantum: float) -> None:
     """Write what is found, the cause before what follows from it.
 
     Args:
         state: changed.
         differs: see DIFFERS; as a share of the way, 1 - cos of an angle.
+        bias: that readings may have [m/s]: what it adds to the way, there and back, shows no mounting.
         quantum: step of the readings [m/s]: where there is one, equal values were not held.
     """
-    state.found, state.value, state.limit = mounting(state, differs), 0.0, 0.0
+    state.found, state.value, state.limit = mounting(state, differs, bias), 0.0, 0.0
     if quantum == 0.0 and state.count >= ROOM and 2 * state.changes < state.count:
         state.found = SensorHealth.HELD.value
         state.value, state.limit = state.changes / state.span_s, state.count / state.span_s
@@ -112,7 +113,7 @@ def judge_health(state: SlipEvidence, differs: float, quantum: float) -> None:
 
 
 @part
-def mounting(state: SlipEvidence, differs: float) -> int:
+def mounting(state: SlipEvidence, differs: float, bias: float) -> int:
     """Return how the sensor is mounted where that is not as configured, else OK: the mounting that explains most."""
     M = mat(state.way)
     x, y, z = M.x.x, M.y.y, M.z.z
@@ -125,13 +126,14 @@ def mounting(state: SlipEvidence, differs: float) -> int:
         M.y.z + M.z.y - y - z,
         M.z.x + M.x.z - z - x,
     )
-    found, most = SensorHealth.OK.value, differs * max(state.length, GIVES_M)
+    astray = 2.0 * bias * state.span_s
+    found, most = SensorHealth.OK.value, differs * max(state.length, GIVES_M) + astray
     for i in range(len(better)):
         if better[i] > most:
             found, most = SensorHealth.X_INVERTED.value + i, better[i]
     if math.hypot(x + y, M.x.y - M.y.x) - x - y > PLAIN * most:
         found = SensorHealth.TURNED.value
-    if found == SensorHealth.OK and -2.0 * state.spun > differs * max(state.turned, GIVES_M):
+    if found == SensorHealth.OK and -2.0 * state.spun > differs * max(state.turned, GIVES_M) + astray:
         found = SensorHealth.TURNS_INVERTED.value
     return int(found)
 

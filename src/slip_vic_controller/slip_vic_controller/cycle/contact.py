@@ -104,7 +104,7 @@ def estimate_contact(
             see_slip(pad.belief, sample.stamp_ns, size(slip), limits.friction.threshold)
         if alone and limits.friction.quantum != math.inf:
             add_reading(pad.sensor, sample.stamp_ns, slip, -spatial(evidence.measured), contact.slipping != 0)
-            judge_health(pad.sensor, DIFFERS, limits.friction.quantum)
+            judge_health(pad.sensor, DIFFERS, config.tare.slip_linear, limits.friction.quantum)
     if alone and dt > 0.0:
         weigh_evidence(config, state, outputs, measured, found, dt)
     put_certain(limits.friction, contact)
