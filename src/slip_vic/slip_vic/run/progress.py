@@ -36,19 +36,20 @@ def progress(console: Console, *, unit: str = "") -> Iterator[AddBar]:
     with Progress(*columns, console=console, disable=not console.is_terminal) as bars:
 
         def add(name: str, total: float, done: int = 0) -> Report:
-            task, began_s = bars.add_task(name, total=total, completed=done, remark=""), bars.get_time()
-            said_s = began_s
+            task = bars.add_task(name, total=total, completed=done, remark="")
+            began, said_s = list[tuple[float, float]](), 0.0
 
             def report(now: float, remark: str = "") -> None:
                 nonlocal said_s
                 bars.update(task, completed=round(now, 1), remark=remark)
-                if not console.is_terminal and (now == total or bars.get_time() >= said_s + EVERY_S):
-                    said_s = bars.get_time()
-                    left_s = (said_s - began_s) * (total - now) / max(now - done, 1e-9)
-                    parts = (
-                        f"{name}: {round(now, 1):g} of {total:g}{unit} done",
-                        f"{left_s:.0f} s left" * (left_s > 0.0),
-                    )
+                time_s = bars.get_time()
+                if not began:  # what comes before is not its own time
+                    began.append((time_s, now))
+                    said_s = time_s
+                if not console.is_terminal and (now == total or time_s >= said_s + EVERY_S):
+                    said_s = time_s
+                    left_s = (time_s - began[0][0]) * (total - now) / max(now - began[0][1], 1e-9)
+                    parts = f"{name}: {round(now, 1):g} of {total:g}{unit} done", f"{left_s:.0f} s left" * (now < total)
                     console.print(", ".join(filter(None, (*parts, remark))), highlight=False)
 
             return report
