@@ -16,7 +16,8 @@ from slip_vic.experiments.tables import lines_of, write_picture
 ROOT = Path(__file__).parents[1]
 FOLDER, PAGE = ROOT / "docs" / "benchmark", ROOT / "docs" / "your_law.md"
 COLUMNS = (
-    "law", "track", "arms", "carried", "lost", "short", "late", "slip [mm]", "arrives [s]", "peak [N]", "mean [N]",
+    "law", "track", "arms", "carried", "lost", "short", "late", "slip [mm]", "arrives [s]", "x fastest", "peak [N]",
+    "mean [N]", "x least",
 )  # fmt: skip
 BEGIN, END = "<!-- begin: made by tools/benchmark_tables.py -->", "<!-- end -->"
 
