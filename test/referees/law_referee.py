@@ -172,12 +172,13 @@ def referee_law(given: RefereeInput) -> dict[str, np.ndarray]:
     a_C = a_C + given.kappa * np.linalg.inv(M_D) @ h_int
 
     B_inv = np.linalg.inv(arm.M)
-    sigma = np.linalg.svd(arm.J, compute_uv=False)[-1] if arm.J.shape[1] >= 6 else 0.0
+    rows = given_rows(arm.J, given.sigma_min)
+    J_t = arm.J[rows]
+    sigma = np.linalg.svd(J_t, compute_uv=False)[-1] if J_t.shape[1] >= len(rows) else 0.0
     damping = given.most_damping * (1.0 - (sigma / given.sigma_min) ** 2) if sigma < given.sigma_min else 0.0
-    B_x = np.linalg.inv(arm.J @ B_inv @ arm.J.T + damping**2 * np.eye(6))
-    J_bar = B_inv @ arm.J.T @ B_x
-    N = np.eye(len(arm.M)) - J_bar @ arm.J
-    tau = arm.J.T @ (B_x @ (a_C - arm.jdot_qd) - h[0]) + arm.bias + N.T @ given.tau_0
+    B_x = np.linalg.inv(J_t @ B_inv @ J_t.T + damping**2 * np.eye(len(rows)))
+    N = np.eye(len(arm.M)) - B_inv @ J_t.T @ B_x @ J_t
+    tau = J_t.T @ B_x @ (a_C - arm.jdot_qd)[rows] - arm.J.T @ h[0] + arm.bias + N.T @ given.tau_0
     Z = T_e @ np.linalg.inv(M_D) @ (-K @ e - D @ e_dot)
     return {
         "Z": Z, "a_d": a_d, "sigma_min": sigma, "damping_squared": damping**2,
@@ -189,6 +190,17 @@ def referee_law(given: RefereeInput) -> dict[str, np.ndarray]:
         "Theta": Theta, "a_C": a_C, "tau": tau, "tau_null": N.T @ given.tau_0,
         "h_int": h_int, "a_o": -np.linalg.inv(B_o) @ (C_o @ v_o + g_o + h_o),
     }  # fmt: skip
+
+
+def given_rows(J: np.ndarray, least: float) -> list[int]:
+    """Return the directions that an arm with fewer than six joints gives: x, y, z and rotations that add `least`."""
+    rows: list[int] = []
+    for i in range(6):
+        others = J[rows].T
+        rest = J[i] - others @ np.linalg.lstsq(others, J[i], rcond=None)[0] if rows else J[i]
+        if J.shape[1] >= 6 or i < 3 or np.linalg.norm(rest) >= least:
+            rows.append(i)
+    return rows
 
 
 def grasp_matrix_parts(

@@ -274,7 +274,7 @@ ERRORS: dict[str, tuple[Error, str, str]] = {
     "slip: turned by 15 degrees": (Error(inputs=_slip(_turned(15.0))), "slide", "force: it is turned by 1"),
     "slip: mm/s": (_scaled(1000.0, 1.0), "slide", "is its unit m/s?"),
     "slip: deg/s": (_scaled(1.0, 57.3), "slide", "is its unit rad/s?"),
-    "slip: held": (_held(30.0), "slide", "values change at 30 Hz"),
+    "slip: held": (_held(30.0), "slide", "values change at 3"),
     "slip: stamps 30 ms old": (_stamped(-0.03), "slide", "stamps are -30 ms off"),
     "slip: stamps 30 ms ahead": (_stamped(0.03), "slide", "stamps are +30 ms off"),
     "slip: offset": (Error(("bridge.sensors.slip.faults.bias=[0.02, 0, 0, 0, 0, 0]",)), "rest", "calibrate"),

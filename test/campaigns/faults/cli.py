@@ -56,7 +56,7 @@ def faults(
     console, verdicts, failed = Console(stderr=True), list[campaign.Verdict](), list[campaign.Verdict]()
 
     try:
-        with progress(console, lines=True) as add_bar:
+        with progress(console) as add_bar:
             report = add_bar("fault trials", trials)
             processes = workers or min(trials, os.cpu_count() or 1)
             chosen = range(first, first + trials)

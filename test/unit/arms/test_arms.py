@@ -215,7 +215,7 @@ def test_laws_set_contacts_and_gains() -> None:
         both = law not in ("classical", "printed")
         assert len(left.contacts.position) == (6 if both else 3)
         assert (left.gains.spin == "bounded") == (law == "governed" or (name == FLAT and law != "printed"))
-        assert (left.gains.kappa > 0.0) == (law in ("vic", "governed"))
+        assert (left.gains.kappa > 0.0) == (law in ("vic", "governed", "governed_follow"))
         if both:
             assert left.contacts.position[:3] == right.contacts.position[3:]
         Controller(scenario.controllers, scenario.placed, lockstep=True)

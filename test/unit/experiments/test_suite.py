@@ -199,7 +199,7 @@ def test_the_steps_of_the_page_work_in_a_folder_of_its_own(
     [
         (["run", "governd"], "did you mean governed"),
         (["run", "nowhere.py:Law"], "no file nowhere.py"),
-        (["compare", "nowhere"], "rows of an experiment"),
+        (["compare", "nowhere"], "No such file or directory"),
     ],
 )
 def test_what_is_not_there_is_one_line(arguments: list[str], message: str) -> None:

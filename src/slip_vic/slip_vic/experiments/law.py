@@ -191,7 +191,8 @@ def find_law(name: str) -> FoundLaw:
     try:
         module = _module_of_file(Path(where)) if where.endswith(".py") else importlib.import_module(where)
     except (Exception, SystemExit) as error:  # whatever a module of someone else's does
-        raise InputError(f"law {name}", got=str(error), expected="a module that can be imported") from error
+        got = f"{type(error).__name__}: {error}"
+        raise InputError(f"law {name}", got=got, expected="a module that can be imported") from error
     found = getattr(module, kind, None)
     if not inspect.isclass(found):
         raise UnknownName(
