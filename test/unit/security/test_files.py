@@ -9,7 +9,7 @@ import resource
 import socket
 import zlib
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import lz4.frame
@@ -35,6 +35,7 @@ from slip_vic.experiments.rows import read_json, read_rows
 from slip_vic.presets import preset_text
 from slip_vic.retime.path import read_points
 from slip_vic.run.domain import PORT, PORTS, domain_id, domains_in_use
+from slip_vic.run.lock import is_locked, locked
 from slip_vic.scenarios.parameter_files import config_files, write_files
 from slip_vic.scenarios.scenario import Mismatch, load_scenario
 from slip_vic.setup.arm.write import Arm
@@ -347,3 +348,17 @@ def test_a_domain_is_for_one_run_in_each_namespace(tmp_path: Path, monkeypatch: 
         with again, domain_id(6, "left"):
             pass
     assert domains_in_use() == []
+
+
+def test_who_waits_for_a_lock_names_its_owner(tmp_path: Path) -> None:
+    first, owners = ExitStack(), list[str]()
+    first.enter_context(locked(tmp_path / "lock"))
+
+    def waits(owner: str) -> None:
+        owners.append(owner)
+        first.close()
+
+    with locked(tmp_path / "lock", waits):
+        assert is_locked(tmp_path / "lock")
+    assert owners == [f"process {os.getpid()} on {os.uname().nodename}"]
+    assert not is_locked(tmp_path / "lock")
