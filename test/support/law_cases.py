@@ -9,10 +9,10 @@ from typing import Annotated, Any
 import numpy as np
 
 from slip_core.arrays import Array
-from slip_core.records import Record, Records, dtype_of, new, place, record
+from slip_core.records import Pose, Record, Records, dtype_of, new, place, record
 from slip_vic.law import GIVEN
 from slip_vic_controller.contact.layouts import MOTION
-from slip_vic_controller.law.arm import ARM, Pose
+from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.law.attitude import Coordinates
 from slip_vic_controller.law.config import LAW_CONFIG
 from slip_vic_controller.law.contact import ContactSample

@@ -181,3 +181,13 @@ def place(dtype: np.dtype[np.void], path: str) -> slice:
         dtype, offset = dtype.fields[name][:2]  # type: ignore[index]
         start += offset // 8
     return slice(start, start + dtype.itemsize // 8)
+
+
+class Pose(Record):
+    """Where something is, as seen from something else."""
+
+    position: Vec3  # m
+    rotation: Mat3
+
+
+POSE = dtype_of(Pose)

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 
 from slip_core.arrays import Array
 from slip_core.errors import InputError
-from slip_core.records import layout, new, record
-from slip_vic_controller.law.arm import ARM, POSE
+from slip_core.records import POSE, layout, new, record
+from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.law.attitude import Coordinates
 from slip_vic_controller.law.config import LAW_CONFIG
 from slip_vic_controller.law.contact import CONTACT_SAMPLE

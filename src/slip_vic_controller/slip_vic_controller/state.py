@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from slip_core.arrays import Array
-from slip_core.records import Mat3, Real, Record, Records, Vec3, Vec6, Whole, WholeArray, dtype_of
+from slip_core.records import Mat3, Pose, Real, Record, Records, Vec3, Vec6, Whole, WholeArray, dtype_of
 from slip_vic_controller.arm.command import CommandLimits, SentCommand
 from slip_vic_controller.arm.joint_estimate import EstimatorConfig, JointEstimate, JointRecord
 from slip_vic_controller.arm.tare import Tare, TareConfig
@@ -14,7 +14,7 @@ from slip_vic_controller.governor.grip import Grip, GripConfig
 from slip_vic_controller.governor.layouts import GovernedPad, Governor, GovernorConfig
 from slip_vic_controller.governor.plan import GRID_POINTS, GridPoint
 from slip_vic_controller.interfaces import WrenchSensor
-from slip_vic_controller.law.arm import Arm, DesiredMotion, Pose
+from slip_vic_controller.law.arm import Arm, DesiredMotion
 from slip_vic_controller.law.config import LawConfig
 from slip_vic_controller.law.contact import ContactSample
 from slip_vic_controller.law.evaluation import Evaluation

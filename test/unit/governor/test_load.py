@@ -3,11 +3,10 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from slip_core.records import new, record
+from slip_core.records import POSE, new, record
 from slip_core.vectors import mat, spatial, vec
 from slip_vic_controller.governor.guard import guard_factor
 from slip_vic_controller.governor.load import ALONE, Held, at_contact, load, size
-from slip_vic_controller.law.arm import POSE
 from slip_vic_controller.law.contact import CONTACT, contact_arm, pad_rotation
 from slip_vic_controller.law.internal import Sharing
 from test.referees.governor_paths import skew

@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slip_core.records import new, record
+from slip_core.records import POSE, new, record
 from slip_vic_controller.law import contact as law
-from slip_vic_controller.law.arm import POSE
 from slip_vic_controller.law.contact import CONTACT
 from test.referees.law_referee import Phi1, S, exponential, grasp_matrix_parts, jacobian_series, slip_acceleration, two
 from test.support.call import call, flat

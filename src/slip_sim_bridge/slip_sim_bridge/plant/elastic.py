@@ -15,16 +15,14 @@ import numpy as np
 
 from slip_core.arrays import Array, matrix_from_quat_xyzw
 from slip_core.errors import InputError
-from slip_core.records import Records, new, record, records
+from slip_core.records import POSE, Pose, Records, new, record, records
 from slip_sim_bridge.friction import friction_law
 from slip_sim_bridge.friction.limit_surface import ROOT_MARGIN
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.plant import DivergenceError
 from slip_sim_bridge.plant.elastic_step import (
     ELASTIC_CONTACT,
-    FRAME,
     ElasticContact,
-    Frame,
     elastic_after,
     elastic_step,
     read_elastic,
@@ -62,11 +60,11 @@ class ElasticPlant(LoosePlant):
         count, nv = len(each), model.nv
         self._state, self._frames = (
             np.zeros((count, ELASTIC_CONTACT.itemsize // 8)),
-            np.zeros((count + 1, FRAME.itemsize // 8)),
+            np.zeros((count + 1, POSE.itemsize // 8)),
         )
         self._rows, self._jacobians = np.zeros((6 * count, nv)), np.zeros((6 * count, nv))
         self._contacts: Records[ElasticContact] = records(self._state, ELASTIC_CONTACT)
-        self._frame: Records[Frame] = records(self._frames, FRAME)
+        self._frame: Records[Pose] = records(self._frames, POSE)
         for contact, arm in zip(self._contacts, each, strict=True):
             contact.stiffness, contact.damping = np.array(arm.pad.stiffness), np.array(arm.pad.damping)
             contact.radius = arm.friction.torsional_radius

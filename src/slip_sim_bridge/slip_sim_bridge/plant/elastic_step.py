@@ -28,7 +28,7 @@ import numpy as np
 from slip_core.arrays import Array
 from slip_core.cholesky import back_substitute, cholesky, forward_substitute
 from slip_core.compiled import IN1, IN2, INT, OUT1, OUT2, REAL, VOID, WHOLE1, kernel, part
-from slip_core.records import Mat3, Real, Record, Records, Vec3, Vec6, WholeArray, dtype_of, record, records
+from slip_core.records import POSE, Pose, Real, Record, Records, Vec3, Vec6, WholeArray, dtype_of, record, records
 from slip_core.symmetric import Sym
 from slip_core.vectors import Mat, Vec, mat, put, put_mat, vec
 from slip_sim_bridge.friction import FrictionLaw
@@ -70,16 +70,7 @@ class ElasticContact(Record):
     """Energy that the damper has taken since the start [J]."""
 
 
-class Frame(Record):
-    """Pose of a pad, or of the object's centre of mass."""
-
-    position: Vec3
-    """[m] {w}."""
-    rotation: Mat3
-    """To {w}."""
-
-
-ELASTIC_CONTACT, FRAME = dtype_of(ElasticContact), dtype_of(Frame)
+ELASTIC_CONTACT = dtype_of(ElasticContact)
 
 
 @part
@@ -89,7 +80,7 @@ def slip_row(k: int) -> int:
 
 
 @part
-def fill_rows(pad: Frame, body: Frame, moving: Array, turning: Array, rows: Array) -> None:
+def fill_rows(pad: Pose, body: Pose, moving: Array, turning: Array, rows: Array) -> None:
     """Write the rows of a contact: twist of the object's material against the gripper at the pad centre, pad axes.
 
     Args:
@@ -168,7 +159,7 @@ def elastic_step(law: FrictionLaw) -> Any:
             factor, inverse_diagonal, tree: of the mass matrix, as in `rigid_step`.
             qvel, bias: joint velocities, and forces of motion and gravity; (nv,).
             effort: joint efforts, and what pushes the object; (nv,) [N, N m].
-            frames: a FRAME per contact, then that of the object.
+            frames: a POSE per contact, then that of the object.
             jacobians: six rows per contact, linear first: of the pad {w}; (6 N, nv).
             laws: parameters of the friction law, a row per contact.
             normal_forces: of each contact; (N,) [N]; without pressure nothing holds.
@@ -178,7 +169,7 @@ def elastic_step(law: FrictionLaw) -> Any:
             applied: joint forces; (nv,) [N, N m].
         """
         contacts: Records[ElasticContact] = records(state, ELASTIC_CONTACT)
-        frame: Records[Frame] = records(frames, FRAME)
+        frame: Records[Pose] = records(frames, POSE)
         nv, count = len(qvel), len(normal_forces)
         size, slipping = 6 * count, 3 * count
         for i in range(count):
@@ -311,14 +302,14 @@ def read_elastic(
         i: arm.
         position, velocity: of its joints; (n,) [rad], [rad/s].
         object_velocity: (6,): velocity of the centre of mass {w}, turning on the object's axes.
-        frames: a FRAME per contact, then that of the object.
+        frames: a POSE per contact, then that of the object.
         period: of control [s].
         out: (2 n + 54,).
 
     Implements: h_ee of Eq. (1), v_s of Eq. (14), v_o of Eq. (10).
     """
     contacts: Records[ElasticContact] = records(state, ELASTIC_CONTACT)
-    frame: Records[Frame] = records(frames, FRAME)
+    frame: Records[Pose] = records(frames, POSE)
     c, body, pad = contacts[i], frame[len(contacts)], frame[i]
     grasp: Grasp = record(out[:GRASP_SIZE], GRASP)
     joints, n = out[GRASP_SIZE:], len(position)

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from slip_core.arrays import Array
 from slip_core.compiled import IN1, IN2_F, OUT1, VOID, kernel
-from slip_core.records import Mat3, Record, Vec3, Vec6, dtype_of, record
+from slip_core.records import POSE, Mat3, Pose, Record, Vec3, Vec6, dtype_of, record
 from slip_core.vectors import Vec, mat, put, put_mat, vec
 from slip_vic_controller.sizes import MAX_JOINTS, Joints
 
@@ -34,16 +34,6 @@ class DesiredMotion(Record):
     rotation: Mat3  # R_d
     twist: Vec6  # m/s, rad/s
     acceleration: Vec6  # m/s^2, rad/s^2, a_d
-
-
-class Pose(Record):
-    """Where something is, as seen from something else."""
-
-    position: Vec3  # m
-    rotation: Mat3
-
-
-POSE = dtype_of(Pose)
 
 
 @kernel(VOID(IN1, IN1, IN2_F, IN1, IN1, IN1, IN1, IN1, IN2_F, IN1, IN1, IN2_F, OUT1))

@@ -11,9 +11,8 @@ import numpy as np
 from slip_core.arrays import matrix_from_quat_xyzw
 from slip_core.compiled import part
 from slip_core.errors import InputError
-from slip_core.records import Mat3, Record, Records, Vec3, Vec6, Whole, dtype_of
+from slip_core.records import Mat3, Pose, Record, Records, Vec3, Vec6, Whole, dtype_of
 from slip_core.vectors import ZERO, Mat, Spatial, Vec, mat, put, put_mat, spatial, vec
-from slip_vic_controller.law.arm import Pose
 from slip_vic_controller.law.rotation import exponential, left_jacobian
 from slip_vic_controller.params.controller_params import ContactParams
 from slip_vic_controller.sizes import MAX_CONTACTS

@@ -19,9 +19,8 @@ import math
 from typing import NamedTuple
 
 from slip_core.compiled import part
-from slip_core.records import Records
+from slip_core.records import Pose, Records
 from slip_core.vectors import NOTHING, ZERO, Mat, Spatial, Vec, spatial
-from slip_vic_controller.law.arm import Pose
 from slip_vic_controller.law.config import LawConfig
 from slip_vic_controller.law.contact import ContactSample, pad_rotation
 from slip_vic_controller.law.gains import Gains, LawGains

@@ -20,9 +20,9 @@ from typing import Any, Protocol
 from slip_core.arrays import Array
 from slip_core.cholesky import LARGEST, all_finite
 from slip_core.compiled import part
-from slip_core.records import Records
+from slip_core.records import Pose, Records
 from slip_core.vectors import ZERO, Spatial, mat, put, put_mat, put_spatial, spatial, vec
-from slip_vic_controller.law.arm import Arm, DesiredMotion, Pose
+from slip_vic_controller.law.arm import Arm, DesiredMotion
 from slip_vic_controller.law.attitude import attitude_error, on_error_axes
 from slip_vic_controller.law.config import LawConfig
 from slip_vic_controller.law.contact import G_T, ContactSample, Phi2, slip_velocity

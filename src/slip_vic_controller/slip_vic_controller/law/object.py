@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from slip_core.compiled import part
-from slip_core.records import Records
+from slip_core.records import Pose, Records
 from slip_core.vectors import Mat, Spatial, Vec, mat, spatial, vec
-from slip_vic_controller.law.arm import Pose
 from slip_vic_controller.law.config import LawConfig
 from slip_vic_controller.law.contact import (
     ContactSample,

@@ -9,10 +9,10 @@ import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.compiled import part
-from slip_core.records import Real, Record, Records, Vec6, WholeArray, dtype_of, record
+from slip_core.records import Pose, Real, Record, Records, Vec6, WholeArray, dtype_of, record
 from slip_core.types import AXES
 from slip_core.vectors import ZERO, Mat, Spatial, Vec, mat, put_spatial, spatial, vec
-from slip_vic_controller.law.arm import Arm, DesiredMotion, Pose
+from slip_vic_controller.law.arm import Arm, DesiredMotion
 from slip_vic_controller.law.config import LawConfig
 from slip_vic_controller.law.contact import G_T_inverse, Phi2
 from slip_vic_controller.law.evaluation import Evaluation

@@ -15,9 +15,9 @@ import numpy as np
 from slip_core.arrays import Array
 from slip_core.compiled import IN1, IN2, OUT1, OUT2, VOID, kernel, part
 from slip_core.errors import InputError
-from slip_core.records import Real, Record, Vec3, Vec6, Whole, dtype_of, new, record
+from slip_core.records import Pose, Real, Record, Vec3, Vec6, Whole, dtype_of, new, record
 from slip_core.vectors import NOTHING, Mat, Spatial, Vec, mat, put, put_mat, put_spatial, spatial, vec
-from slip_vic_controller.law.arm import DesiredMotion, Pose
+from slip_vic_controller.law.arm import DesiredMotion
 from slip_vic_controller.law.rotation import exponential, left_jacobian, left_jacobian_rate
 from slip_vic_controller.params.controller_params import TrajectoryParams
 from slip_vic_controller.sizes import ROOM
