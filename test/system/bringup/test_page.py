@@ -69,6 +69,7 @@ def test_page_is_whole_small_and_without_errors(opened: tuple[Page, list[str], P
         "classical",
         "vic",
         "governed",
+        "governed_follow",
     ]
     names = {card.get_attribute("data-plot") for card in page.query_selector_all(".plot")}
     assert {"slip_mm", "slip_deg", "slip_speed", "error_mm", "stiffness", "gate", "load", "effort", "mode"} <= names
