@@ -10,7 +10,7 @@ from __future__ import annotations
 import ast
 import csv
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from slip_vic_controller.contact.estimate import SensorHealth
@@ -101,7 +101,7 @@ def _fixes(node: ast.AST) -> Iterator[ast.expr]:
             yield from (fix for fault in faults for fix in (fault.elts[1:] if isinstance(fault, ast.Tuple) else ()))
 
 
-def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
+def _table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
     cells = [[text.replace("|", "\\|").replace("<", "&lt;") or " " for text in row] for row in rows]
     return "\n".join(f"| {' | '.join(row)} |" for row in (head, ["---"] * len(head), *cells)).replace(" --- ", "---")
 
