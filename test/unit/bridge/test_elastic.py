@@ -12,13 +12,13 @@ import pytest
 from slip_core.arrays import Array, inertia_from_six, matrix_from_quat_xyzw
 from slip_core.errors import InputError
 from slip_core.grasp_params import BaseParams, ObjectParams
-from slip_core.records import records
+from slip_core.records import POSE, records
 from slip_core.types import DisplacementSample, SlipSample
 from slip_description import urdf_text
 from slip_sim_bridge.params import BridgeParams, PushParams
 from slip_sim_bridge.plant import DivergenceError
 from slip_sim_bridge.plant.elastic import LONGEST_STEP, ElasticPlant
-from slip_sim_bridge.plant.elastic_step import FRAME, fill_rows
+from slip_sim_bridge.plant.elastic_step import fill_rows
 from slip_sim_bridge.plant.model import OBJECT, PAD, name_of
 from slip_sim_bridge.session import BridgeSession
 from slip_sim_bridge.simulation import Simulation
@@ -112,7 +112,7 @@ def test_steps_are_short_enough_for_the_stiffest_motion(turning: float) -> None:
 def test_rows_of_a_contact_are_the_twist_of_the_object_against_the_pad() -> None:
     """Whatever stood in them before; the pad centre moves with the object's velocity and turning."""
     rng, nv = np.random.default_rng(0), 20
-    frames, rotations = records(np.zeros((2, FRAME.itemsize // 8)), FRAME), []
+    frames, rotations = records(np.zeros((2, POSE.itemsize // 8)), POSE), []
     for frame in frames:
         R = np.linalg.qr(rng.normal(size=(3, 3)))[0]
         R *= np.linalg.det(R)
