@@ -13,8 +13,7 @@ from std_msgs.msg import Float64, UInt8MultiArray
 
 PERIOD_S, STEP_N = 0.05, 0.1
 """How often the gripper gets a new force, and the change of it that is worth one."""
-LEAST_N, MOST_N = 10.0, 125.0
-"""Of each finger of a 2F-140, at 0 and 255."""
+LEAST_N, MOST_N = 10.0, 125.0  # of each finger of a 2F-140, at 0 and 255
 ACTIVATE_AND_GO, CLOSED, SLOW = 0x09, 255, 0
 
 
@@ -52,7 +51,7 @@ class Adapter(Node):
 
     def action(self, finger: float) -> None:
         """Send a goal with a force of each finger [N]."""
-        self.goal.command.position, self.goal.command.max_effort = 0.0, finger
+        self.goal.command.max_effort = finger
         self.client.send_goal_async(self.goal)
 
 

@@ -1,5 +1,6 @@
 """The launcher: first failing child reported with its last lines, nothing left behind, every mode runs."""
 
+import contextlib
 import os
 import signal
 import threading
@@ -17,8 +18,13 @@ from slip_vic.scenarios.scenario import load_scenario
 DEADLINE_S = 90.0
 
 
-def node_children() -> list[psutil.Process]:
-    return [p for p in psutil.Process().children(recursive=True) if "slip_" in " ".join(p.cmdline())]
+def node_children(word: str = "slip_") -> list[psutil.Process]:
+    found = []
+    for child in psutil.Process().children(recursive=True):
+        with contextlib.suppress(psutil.NoSuchProcess):  # it has ended since it was listed
+            if word in " ".join(child.cmdline()):
+                found.append(child)
+    return found
 
 
 def kill_when_running(module: str, number: int) -> threading.Thread:
@@ -27,7 +33,7 @@ def kill_when_running(module: str, number: int) -> threading.Thread:
     def work() -> None:
         end = time.monotonic() + DEADLINE_S
         while time.monotonic() < end:
-            found = [p for p in node_children() if module in " ".join(p.cmdline())]
+            found = node_children(module)
             if found and len(node_children()) >= 2:
                 time.sleep(1.5)
                 found[0].send_signal(number)
@@ -46,7 +52,7 @@ def test_a_recorder_that_sleeps_for_a_while_loses_nothing(tmp_path: Path) -> Non
 
     def sleep(sim_time_s: float) -> None:
         if sim_time_s > 0.2 and not waking:
-            (recorder,) = (p for p in node_children() if "slip_bags.cli" in " ".join(p.cmdline()))
+            (recorder,) = node_children("slip_bags.cli")
             recorder.suspend()
             waking.append(threading.Timer(1.5, recorder.resume))
             waking[0].start()

@@ -57,7 +57,7 @@ def test_example_answers_a_run_to_the_last_bit(example: Path, tmp_path: Path, na
 
 def test_example_sees_a_number_that_differs(example: Path, tmp_path: Path) -> None:
     data = bytearray((example / "run.bin").read_bytes())
-    data[-8 * 20_000] ^= 1  # in a record of the last ticks
+    data[-8] ^= 1  # the last number of the last tick
     (tmp_path / "run.bin").write_bytes(data)
     done = subprocess.run([example / "example", "run.bin"], cwd=tmp_path, capture_output=True, check=False)
     assert done.returncode == 1
@@ -73,6 +73,8 @@ def test_library_needs_nothing_but_arithmetic(library: Path) -> None:
         "atan2",
         "erf",
         "exp",
+        "hypot",
+        "log",
         "log10",
         "pow",
         "sincos",

@@ -31,6 +31,8 @@ EXAMPLES = (
     "ARM.urdf",
     "ARM.urdf.xacro",
     "ur5_robot.urdf",
+    "native_sim",
+    "urdf",
     "measured.yaml",
     "BAG",
     "DIR",
@@ -80,7 +82,7 @@ def shortened(command: str) -> str:
         command += " --set bridge.duration_s=0.8"
         command += "" if {"--record", "--in-process"} & set(command.split()) else " --in-process"
     if command.startswith("check "):
-        command += " --mismatch none --set bridge.duration_s=2.5"
+        command += " --mismatch none"
     return command.replace("--rate 0.5", "--rate 5")
 
 

@@ -54,6 +54,7 @@ def own_folder(folder: Path) -> Iterator[None]:
         try:
             folder.mkdir(parents=True, exist_ok=True)
             kept.enter_context(locked(folder / ".lock"))
+            kept.callback((folder / ".lock").unlink, missing_ok=True)
         except OSError as error:
             raise InputError(f"--out {folder}", got=error, expected="a folder that can be written") from None
         except TakenError as owner:
