@@ -32,6 +32,8 @@ EXAMPLES = (
     "ARM.urdf.xacro",
     "ur5_robot.urdf",
     "native_sim",
+    "native_bag",
+    "so101_new_calib.urdf",
     "urdf",
     "measured.yaml",
     "BAG",
