@@ -46,7 +46,8 @@ class Processes:
 
     def start(self, name: str, argv: Sequence[str], **extra: str) -> Child:
         """Start a program; `extra` are further environment variables."""
-        return self.group.start(name, [str(part) for part in argv], {**self.environment, **extra}, lambda *_: None)
+        command, environment = [str(part) for part in argv], {**self.environment, **extra}
+        return self.group.add(Child(name, command, environment, lambda *_: None))
 
     def python(self, name: str, *arguments: object, **extra: str) -> Child:
         """Start this interpreter with arguments such as ``-m module`` or a script."""

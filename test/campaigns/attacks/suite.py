@@ -144,7 +144,7 @@ class Stage:
 
     def start(self, name: str, argv: Sequence[str]) -> Child:
         """Start a process on the same domain."""
-        return self._group.start(name, argv, self._environment, lambda *_: None)
+        return self._group.add(Child(name, argv, self._environment, lambda *_: None))
 
     def attack(self, name: str) -> Row:
         """Wait for the law, run one attack, and observe what follows.

@@ -182,7 +182,7 @@ class Publisher : public AnyPublisher {
   Publisher(Node &node, const std::string &name, Qos qos = {true, false, 10000})
       : AnyPublisher(node, Type<Body>::support(), name, qos) {}
   Message<Body> message;
-  /* Send `message`; what the middleware refuses is lost, and the node goes on. */
+  /* Send `message`; what the middleware refuses is lost, and the node continues. */
   void send() {
     ignore(rcl_publish(&publisher_, &*message, nullptr));
   }

@@ -33,7 +33,7 @@ SLOWER, SETTLES_S = 3.0, 5.0
 [s]."""
 ARMS: Final = ("ideal", "torque_joint", "motor_current")
 MOTION_ARMS: Final = ("velocity_500", "velocity_125", "position_250")
-"""Drives that are drawn: those that take efforts, and those that take velocities or positions."""
+"""Drives that are drawn: those with an effort interface, and those with one for velocities or positions."""
 COULOMB: Final = (1.0, 1.0, 0.8, 0.8, 0.4, 0.4, 0.3)
 """Friction of an arm without compensation, joints 1 to 7; further ones have the last [N m]."""
 BANDWIDTH: Final = 0.3

@@ -75,7 +75,7 @@ def has_nodes(domain: int) -> bool:
 
 
 def check_alone(domain: int, topics: Iterable[str]) -> None:
-    """Listen before a run joins a domain: nobody may publish on its topics.
+    """Listen before a run joins a domain: no other node may publish on its topics.
 
     topics: with their namespace. Where DDS stays on this machine, its ports show whether there is anybody to hear.
 

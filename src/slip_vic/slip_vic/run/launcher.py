@@ -140,7 +140,7 @@ class Launcher:
             else:
                 command = node_command(name, getattr(ready, name), folder, *words)
             order.append((name, command, replace(self._scheduling, cores=own)))
-        children = {name: group.start(name, argv, environment, self.note, how) for name, argv, how in order}
+        children = {name: group.add(Child(name, argv, environment, self.note, how)) for name, argv, how in order}
         self._wait(group, children["bridge"])
         group.stop([children["controller"]])
         if recording:

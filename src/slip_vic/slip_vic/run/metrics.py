@@ -30,7 +30,7 @@ def summarise(run: ArmData) -> dict[str, float]:
     the law. final_error_*: how far the pad ends from its goal. arrival_s: from when on it stays within 1 mm and 0.5
     degrees of its goal; NaN where it does not.
     squeeze_*: as commanded. effort_rate_rms: of the norm of the change of all efforts from tick to tick. What the law
-    reports is NaN where it was never at work.
+    reports is NaN where it was never active.
     """
     slip, slip_velocity = run.channel("slip").rows, run.channel("slip_velocity").rows
     linear = np.linalg.norm(slip[:, :3], axis=1)

@@ -181,16 +181,8 @@ class ProcessGroup:
     def __exit__(self, *_: object) -> None:
         self.stop(self.children, in_haste=True)
 
-    def start(
-        self,
-        name: str,
-        argv: Sequence[str],
-        environment: Mapping[str, str],
-        on_event: Callable[[str, Event], None],
-        scheduling: Scheduling = ANYWHERE,
-    ) -> Child:
-        """Start one child and return it."""
-        child = Child(name, argv, environment, on_event, scheduling)
+    def add(self, child: Child) -> Child:
+        """Take in a child, and return it."""
         self.children.append(child)
         return child
 

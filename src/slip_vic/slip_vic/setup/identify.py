@@ -100,7 +100,7 @@ def read_slip(path: Path) -> tuple[Array, Array, Array, Array] | None:
 def slip_mistake(times: Array, h: Array, stamps: Array, twists: Array) -> str:
     """Return what slip velocities show against the wrench, and what to do; empty where they show nothing.
 
-    Arguments as of `read_slip`. A pad slips in its plane, along x and y, and turns about z.
+    Arguments as in `read_slip`. A pad slips in its plane, along x and y, and turns about z.
     """
     scale = np.array([1.0, 1.0, 0.0, 0.0, 0.0, GovernorParams().torsional_radius])
     found = compare(times, -h * (scale > 0.0), stamps, twists * scale, SLIP_SPEED, DIFFERS)

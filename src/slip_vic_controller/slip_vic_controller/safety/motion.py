@@ -103,7 +103,7 @@ def rests_far_off(law: Evaluation, twist: Array) -> bool:
 def what_keeps(n: int, arm: Arm, law: Evaluation, h: Array, effort: Array, commanded: Array) -> Why:
     """Return which joint keeps an arm far from its reference, NOTHING where the torques are balanced.
 
-    It is the one that the fastest command does not move, or with drives that take efforts most torque: inertia couples
+    It is the one that the fastest command does not move, or with an effort interface most torque: inertia couples
     the joints, so that the largest torque need not be that of the blocked one.
 
     Args:

@@ -61,7 +61,7 @@ class Arm:
         reach: from the link's origin to the pad centre [m].
         locked: joints that stay somewhere: name -> position [rad, m].
         limits: in the place of those of the file, as in `arm_urdf`.
-        by_effort: whether its drives take efforts.
+        by_effort: whether its drives have an effort interface.
 
     Raises:
         InputError: what keeps it from being used, with the name of the joint or link.
@@ -131,7 +131,7 @@ class Arm:
         return content, start, said
 
     def _follows(self, trajectory: dict[str, Any], start: Start, end: Array) -> str:
-        """Let a path turn the hand as an arm with few joints does that follows it; return what is said of that.
+        """Let a path turn the hand as an arm with few joints does that follows it; return a line about it.
 
         trajectory: of the scenario file, changed; end: of its path (6,) [m, rad].
         """

@@ -52,7 +52,7 @@ def arm_urdf(
         reach: from the link's origin to the pad centre, along the approach [m].
         positions: where locked joints stay [rad, m]; 0, or the nearest limit, where there is none.
         limits: in the place of those of the file.
-        by_effort: whether its drives take efforts.
+        by_effort: whether its drives have an effort interface.
 
     Raises:
         InputError: an unknown joint, or one without what a controller needs.
