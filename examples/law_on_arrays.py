@@ -1,25 +1,39 @@
 """python examples/law_on_arrays.py
 
-The paper's law once, on plain arrays: what it answers to more and more slip. No simulator, no ROS, no parameter files.
+The paper's law once, as the cycle calls it: what it answers to more and more slip. No simulator, no ROS, no parameter
+files. Records are numbers by name; what stands here for one contact and six joints are all that the law reads.
 """
 
 import numpy as np
 
-import slip_vic
+from slip_core.records import new, record
+from slip_vic_controller.law.arm import ARM
+from slip_vic_controller.law.config import LAW_CONFIG
+from slip_vic_controller.law.law import evaluate
+from slip_vic_controller.state import OUTPUTS
 
-state = {
-    "q": np.zeros(6), "qd": np.zeros(6), "J": np.eye(6), "M": np.eye(6), "bias": np.zeros(6),
-    "position": [0.0, 0.0, 0.0], "rotation": np.eye(3),
-    "desired_position": [0.01, 0.0, 0.0], "desired_rotation": np.eye(3),
-    "wrench": [0.3, 0.0, 0.0, 0.0, 0.0, 0.0],
-    "mass": 0.5, "inertia": 2e-3 * np.eye(3), "grasp_position": [0.02, 0.0, 0.0], "gravity": [0.0, 0.0, 0.0],
-}  # fmt: skip
-gains = {
-    "stiffness": [400.0] * 3 + [4.5] * 3, "damping": [25.0] * 3 + [2.2] * 3, "desired_inertia": [0.4] * 3 + [0.3] * 3,
-    "gamma_k": 100.0, "gamma_d": 100.0, "alpha": 100.0, "k_s": 100.0,
-}  # fmt: skip
+JOINTS = 6
+config, arm, cycle = (record(new(kind), kind) for kind in (LAW_CONFIG, ARM, OUTPUTS))
+config.joints, config.contacts, config.radius, config.effort_limit[:JOINTS] = JOINTS, 1, 1.0, np.inf
+contact = config.contact[0]
+contact.position[:], contact.rotation[:], contact.slip_axes[:] = [0.02, 0.0, 0.0], np.eye(3), 1.0
 
+arm.rotation[:], arm.J[:, :JOINTS], arm.M[:JOINTS, :JOINTS] = np.eye(3), np.eye(6), np.eye(6)
+cycle.reference.position[:], cycle.reference.rotation[:] = [0.01, 0.0, 0.0], np.eye(3)
+for slip in cycle.slips:
+    slip.rotation[:] = np.eye(3)
+
+gains, body = cycle.gains.gains, cycle.gains.object
+gains.K_D[:], gains.D_D[:], gains.M_D[:] = [400.0] * 3 + [4.5] * 3, [25.0] * 3 + [2.2] * 3, [0.4] * 3 + [0.3] * 3
+gains.gamma_k[:], gains.gamma_d[:], gains.alpha, gains.k_s = 100.0, 100.0, 100.0, 100.0
+gains.characteristic_length, gains.spin_limit = 1.0, np.inf
+body.mass, body.inertia[:], cycle.gains.contact_position[:] = 0.5, 2e-3 * np.eye(3), contact.position
+
+q = qd = np.zeros(JOINTS)
 print("slip [mm/s]   stiffness [N/m]   gate   force along x [N]")
-for slip in (0.0, 0.001, 0.003, 0.01, 0.03):
-    found = slip_vic.evaluate_law(**state, **gains, slip_velocity=[slip, 0.0, 0.0, 0.0, 0.0, 0.0])
-    print(f"{1e3 * slip:11.0f} {found.K[0]:17.1f} {found.gate:6.2f} {found.effort[0]:19.2f}")
+for speed in (0.0, 0.001, 0.003, 0.01, 0.03):
+    cycle.samples[0].wrench[:] = [0.3, 0.0, 0.0, 0.0, 0.0, 0.0]
+    cycle.samples[0].slip_twist[:] = [speed, 0.0, 0.0, 0.0, 0.0, 0.0]
+    evaluate(config, arm, q, qd, q, np.zeros(3), cycle)
+    law = cycle.law
+    print(f"{1e3 * speed:11.0f} {law.K[0]:17.1f} {law.gate:6.2f} {law.effort[0]:19.2f}")

@@ -15,7 +15,7 @@ import matplotlib.pyplot as plt
 from matplotlib.patches import Circle, Ellipse, FancyArrowPatch, Polygon, Rectangle
 
 from slip_vic.run.in_process import run_in_process
-from slip_vic.scenarios.scenario import Law, load_scenario
+from slip_vic.scenarios.scenario import Law, load
 
 PICTURES = Path(__file__).parents[1] / "docs" / "pictures"
 SCENARIO, DURATION = "paper_planar", "bridge.duration_s=3.0"
@@ -58,7 +58,7 @@ def frames() -> None:
 
 def fading() -> None:
     """What slip velocity does to stiffness, damping and activation; the formulas are Eq. (29)."""
-    gains = load_scenario(SCENARIO).controller.gains
+    gains = load(SCENARIO, law="vic").controller.gains
     speed = np.linspace(0.0, 0.05, 300)
     figure, axes = plt.subplots(figsize=(6.0, 2.6))
     axes.plot(1e3 * speed, np.exp(-gains.gamma_kp * speed), color=BLUE, label="stiffness, damping / full value")
@@ -73,7 +73,7 @@ def runs() -> None:
     figure, (slip, load) = plt.subplots(2, 1, figsize=(6.0, 4.4), sharex=True)
     kinds: tuple[Law, ...] = ("classical", "vic", "governed")
     for kind in kinds:
-        scenario = load_scenario(SCENARIO, law=kind, assignments=[DURATION])
+        scenario = load(SCENARIO, law=kind, set=[DURATION])
         times, slips, loads = [], [], []
         friction = scenario.bridge.friction
         for tick in run_in_process(scenario):
@@ -94,8 +94,8 @@ def runs() -> None:
 
 def limit_surface() -> None:
     """Force and torque that friction can carry together."""
-    friction = load_scenario(SCENARIO).bridge.friction
-    grip = load_scenario(SCENARIO).bridge.grip.force
+    friction = load(SCENARIO, law="vic").bridge.friction
+    grip = load(SCENARIO, law="vic").bridge.grip.force
     most = friction.mu_s * grip
     torque = 1e3 * friction.torsional_radius * most
     figure, axes = plt.subplots(figsize=(6.0, 2.8))

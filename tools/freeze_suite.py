@@ -18,15 +18,15 @@ import numpy as np
 from slip_core.arrays import Array, inertia_from_six, matrix_from_quat_xyzw
 from slip_core.records import new, record
 from slip_vic.experiments.suite import SUITE
-from slip_vic.experiments.world import World, frozen_worlds
-from slip_vic.presets.models import load_gripper
+from slip_vic.experiments.world import World
+from slip_vic.presets.models import GripperPreset, load_preset
 from slip_vic.run.versions import digest
-from slip_vic.scenarios.scenario import NodeValues, apply_gripper
+from slip_vic.scenarios.scenario import NodeValues, apply_preset
+from slip_vic_controller.config.controller import ArmController
 from slip_vic_controller.governor.layouts import GOVERNOR_CONFIG
 from slip_vic_controller.governor.plan import GRID_POINTS, at_rest, range_of_u, sample_time
 from slip_vic_controller.path.paths import reference_at
 from slip_vic_controller.path.retiming import MEMORY, plan_timing
-from slip_vic_controller.session.controller import ArmController
 from slip_vic_controller.state import CONFIG
 
 OUT = Path(__file__).parents[1] / f"src/slip_vic/slip_vic/experiments/{SUITE}.jsonl.gz"
@@ -41,8 +41,8 @@ STEPS = 50
 def gripper_settings(name: str, cap: float) -> list[str]:
     """Return the settings of a gripper whose forces are scaled so that its largest is the cap [N]."""
     values: NodeValues = {"controller": {}, "bridge": {}}
-    preset = load_gripper(name)
-    apply_gripper(values, preset)
+    preset = load_preset(GripperPreset, name)
+    apply_preset(values, preset)
     scale = cap / preset.controller["grip.cap"]
     return [
         f"{node}.{key}={value * (scale if key.removeprefix('grip.') in FORCES else 1.0)!r}"
@@ -133,7 +133,8 @@ def frozen(worlds: list[World]) -> list[dict[str, Any]]:
 if __name__ == "__main__":
     given = gzip.decompress(Path(sys.argv[1]).read_bytes()).splitlines()
     kept = [row for row in map(json.loads, given) if row["set"].startswith("carry")]
-    made = sorted(frozen(frozen_worlds(kept)), key=lambda row: (row["arms"], row["track"], row["number"]))
+    worlds = [World(**row | {"settings": tuple(row["settings"])}) for row in kept]
+    made = sorted(frozen(worlds), key=lambda row: (row["arms"], row["track"], row["number"]))
     text = "\n".join(json.dumps(row) for row in made) + "\n"
     OUT.write_bytes(gzip.compress(text.encode(), mtime=0))
     print(f"{len(made)} worlds, digest {digest(row['frozen'].encode() for row in made)}")

@@ -21,7 +21,7 @@ from slip_vic.replay.verify import verify_run
 from slip_vic.run.data import read_data
 from slip_vic.run.launcher import Launcher
 from slip_vic.run.metrics import summarise
-from slip_vic.scenarios.scenario import Law, Scenario, load_scenario
+from slip_vic.scenarios.scenario import Law, Scenario, load
 
 SEED: Final = 0
 COMMAND: Final = "python tools/reference_bags.py"
@@ -44,9 +44,7 @@ class Reference:
 
     def load(self) -> Scenario:
         """Return the scenario as it is run."""
-        return load_scenario(
-            self.scenario, law=self.law, seed=SEED, assignments=self.assignments, sensor=self.sensor, drive=self.drive
-        )
+        return load(self.scenario, law=self.law, seed=SEED, set=self.assignments, sensor=self.sensor, drive=self.drive)
 
     def command(self) -> str:
         """Return what a user types for the same run."""
@@ -73,7 +71,7 @@ REFERENCES: Final = (
     Reference(
         "governed_joint_torques", "glass_transport", "governed",
         "Governed, with joint torque sensors, a 60 Hz camera and a third of the friction, which is learnt.",
-        (_lasting(0.8), "mismatch.friction=0.35"), "vision_60", "torque_joint",
+        (_lasting(0.8), "bridge.friction.mu_s=0.14", "bridge.friction.mu_k=0.1225"), "vision_60", "torque_joint",
     ),
     Reference(
         "vic_bad_sensor", "paper_planar", "vic",
@@ -112,10 +110,10 @@ def make_references(folder: Path, tell: Callable[[str], None]) -> None:
         for reference in REFERENCES:
             loaded = reference.load()
             result = Launcher(loaded, bag=staging / reference.name).run()
-            with Bag(staging / reference.name) as bag:
-                verdict = verify_run(read_run(bag))
-                size = bag.size_bytes
-                short = [t for t in _every_tick(loaded) if bag.topic(t).message_count != result.ticks]
+            bag = Bag(staging / reference.name)
+            verdict = verify_run(read_run(bag))
+            size = bag.size_bytes
+            short = [t for t in _every_tick(loaded) if bag.topic(t).message_count != result.ticks]
             if size > LARGEST_BYTES:
                 raise ProtocolError(f"reference bag {reference.name}: {size} bytes, expected at most {LARGEST_BYTES}")
             if result.lost or short or not verdict.identical:

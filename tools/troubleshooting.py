@@ -1,6 +1,6 @@
 """Write the tables of docs/faults.md, docs/safety.md and docs/troubleshooting.md from the sources.
 
-python tools/troubleshooting.py          # writes what stands between their marks again
+python tools/troubleshooting.py          # rewrites what is between their marks
 
 Cause and fix of each reason are rows of docs/faults.csv.
 """
@@ -11,10 +11,11 @@ import ast
 import csv
 import re
 from collections.abc import Iterator, Sequence
+from itertools import groupby
 from pathlib import Path
 
 from slip_vic_controller.contact.estimate import SensorHealth
-from slip_vic_controller.safety.conditions import Reason, Severity
+from slip_vic_controller.safety.conditions import Mode, Reason
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -39,47 +40,57 @@ def shown(words: str) -> str:
 def reason_table() -> str:
     """Return a table for each mode: its reasons, in the order in which they count."""
     known, parts = causes(), []
-    for severity in sorted(Severity, reverse=True)[:-1]:
-        rows = [(shown(one.words), *known[one.name], one.name) for one in Reason if one.severity == severity]
-        parts.append(f"## {severity.name}\n\n{_table(('you see', 'cause', 'fix', 'reason'), rows)}")
+    for mode in dict.fromkeys(one.mode for one in Reason if one.mode != Mode.ACTIVE):
+        rows = [(shown(one.words), *known[one.name], one.name) for one in Reason if one.mode == mode]
+        parts.append(f"## {mode.name}\n\n{_table(('you see', 'cause', 'fix', 'reason'), rows)}")
     return "\n\n".join(parts)
 
 
 def fault_table() -> str:
     """Return the table of what can be wrong with an input."""
     known = causes()
-    samples = [one for one in Reason if one.severity == Severity.SAMPLE and one != Reason.NONE]
+    samples = [one for one in Reason if one.mode == Mode.ACTIVE and one != Reason.NONE]
     return _table(("the input ...", "cause", "fix"), [(shown(one.words), *known[one.name]) for one in samples])
 
 
 def sensor_table() -> str:
     """Return the table of mistakes that the readings of a slip sensor show."""
-    mistakes = [(shown(health.words), health.to_do) for health in SensorHealth if health.to_do]
-    return _table(("slip_velocity ...", "fix"), mistakes)
+    rows = []
+    for fix, group in groupby((health for health in SensorHealth if health.to_do), lambda health: health.to_do):
+        words = [shown(health.words) for health in group]
+        start, _, _ = words[0].rpartition(": ")
+        rows.append(("; ".join(word.removeprefix(f"{start}: ") if k else word for k, word in enumerate(words)), fix))
+    return _table(("slip_velocity ...", "fix"), rows)
 
 
 def condition_table() -> str:
     """Return the table of docs/safety.md: every condition, in the order in which it counts."""
     rows = [
         (
-            shown(one.words), one.severity.name, f"{1e3 * one.lasts_s:.0f} ms" if one.lasts_s else "",
+            shown(one.words), one.mode.name, f"{1e3 * one.lasts_s:.0f} ms" if one.lasts_s else "",
             "yes" if one.clears else "no",
         )
-        for one in Reason if one.severity != Severity.SAMPLE
+        for one in Reason if one.mode != Mode.ACTIVE
     ]  # fmt: skip
     return _table(("condition", "mode", "lasts", "clears by itself"), rows)
 
 
+STEPS = {"stream": "joint_states, wrench, slip", "in_mode": "mode", "controller": "controller", "rest": "rest",
+         "weighed": "weight", "slid": "slide", "turned": "joint ...", "pushed": "push ...", "drifted": "hold, gravity",
+         "first_motion": "first motion", "friction": "friction"}  # fmt: skip
+"""Steps of a bring-up by the functions that judge them."""
+
+
 def bringup_table() -> str:
-    """Return the table of what `slip-vic bringup` prints where a step does not hold."""
+    """Return the table of the fixes that `slip-vic bringup` prints where a step fails."""
     walk = ROOT / "src/slip_vic/slip_vic/setup/bringup/walk.py"
     rows = []
     for function in ast.walk(ast.parse(walk.read_text(encoding="utf-8"))):
         if isinstance(function, ast.FunctionDef):
-            name = function.name.strip("_").removeprefix("judge_")
+            name = STEPS.get(function.name.strip("_"), "")
             fixes = [rendered(fix) for node in ast.walk(function) for fix in _fixes(node)]
             rows += [(name, text) for text in fixes if text.strip("…")]
-    return _table(("judged", "what to do"), rows)
+    return _table(("step", "fix"), rows)
 
 
 def rendered(node: ast.expr) -> str:
@@ -110,7 +121,7 @@ def pages() -> dict[Path, str]:
     """Return every page that has a part made here."""
     made = {
         "faults.md": (
-            f"{reason_table()}\n\n## Faults of an input\n\nThe reason names the input. What the controller does then is "
+            f"{reason_table()}\n\n## Faults of an input\n\nThe reason names the input. The reaction is "
             f"in [safety](safety.md#reactions-to-inputs).\n\n{fault_table()}\n\n## The readings of the slip sensor\n\n"
             f"{sensor_table()}"
         ),

@@ -27,11 +27,5 @@ setup(
         "zstandard",
     ],
     extras_require={"test": ["pytest"]},
-    zip_safe=False,
-    author="slip-vic contributors",
-    maintainer="slip-vic maintainers",
-    maintainer_email="maintainers@slip-vic.example",
-    description="Record, play, inspect and recover ROS 2 bags without rosbag2.",
-    license="Apache-2.0",
     entry_points={"console_scripts": ["slip_bag = slip_bags.cli:main"]},
 )

@@ -15,11 +15,4 @@ setup(
     ],
     install_requires=["setuptools", "numba", "numpy", "pydantic", "pyyaml", "xacro"],
     extras_require={"test": ["pytest"]},
-    zip_safe=False,
-    author="slip-vic contributors",
-    maintainer="slip-vic maintainers",
-    maintainer_email="maintainers@slip-vic.example",
-    description="What every package shares, without ROS: errors, parameters, topic table, value objects, vectors.",
-    license="Apache-2.0",
-    entry_points={"console_scripts": []},
 )

@@ -18,11 +18,4 @@ setup(
     ],
     install_requires=["setuptools"],
     extras_require={"test": ["pytest"]},
-    zip_safe=False,
-    author="slip-vic contributors",
-    maintainer="slip-vic maintainers",
-    maintainer_email="maintainers@slip-vic.example",
-    description="The arm and gripper as one URDF, and a launch file that shows it in RViz.",
-    license="Apache-2.0",
-    entry_points={"console_scripts": []},
 )

@@ -15,11 +15,4 @@ setup(
     ],
     install_requires=["setuptools", "slip_core", "numpy"],
     extras_require={"test": ["pytest"]},
-    zip_safe=False,
-    author="slip-vic contributors",
-    maintainer="slip-vic maintainers",
-    maintainer_email="maintainers@slip-vic.example",
-    description="What the nodes share with ROS: QoS, message conversion, CDR codec, executor, node start.",
-    license="Apache-2.0",
-    entry_points={"console_scripts": []},
 )

@@ -15,11 +15,4 @@ setup(
     ],
     install_requires=["setuptools", "slip_core", "slip_vic_controller", "llvmlite", "numba"],
     extras_require={"test": ["pytest"]},
-    zip_safe=False,
-    author="slip-vic contributors",
-    maintainer="slip-vic maintainers",
-    maintainer_email="maintainers@slip-vic.example",
-    description="The control cycle as a C library, for real-time processes without Python.",
-    license="Apache-2.0",
-    entry_points={"console_scripts": []},
 )

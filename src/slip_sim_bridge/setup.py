@@ -15,11 +15,5 @@ setup(
     ],
     install_requires=["setuptools", "slip_core", "slip_msgs_py", "mujoco", "numpy", "pydantic"],
     extras_require={"test": ["pytest"]},
-    zip_safe=False,
-    author="slip-vic contributors",
-    maintainer="slip-vic maintainers",
-    maintainer_email="maintainers@slip-vic.example",
-    description="MuJoCo stand-in for the arm, the slippery grasp and the tactile slip sensor.",
-    license="Apache-2.0",
     entry_points={"console_scripts": ["slip_sim_bridge_node = slip_sim_bridge.main:main"]},
 )

@@ -15,12 +15,6 @@ setup(
     ],
     install_requires=["setuptools", "slip_core", "slip_msgs_py", "numpy", "pin", "pydantic", "scipy"],
     extras_require={"test": ["pytest"]},
-    zip_safe=False,
-    author="slip-vic contributors",
-    maintainer="slip-vic maintainers",
-    maintainer_email="maintainers@slip-vic.example",
-    description="Variable impedance controller for non-rigid grasps: the law, and the node that runs it.",
-    license="Apache-2.0",
     entry_points={
         "console_scripts": [
             "slip_vic_controller_node = slip_vic_controller.main:main",

@@ -103,7 +103,7 @@ def drake_plant(params, urdfs) -> DrakePlant:
 
 
 class DrakePlant:
-    """Hand, pads and plate of the bridge's parameters; on the arm of `urdf` it is a `Plant` of the bridge."""
+    """Hand, pads and plate of the bridge's parameters; on the arm of `urdf` it is a plant of the bridge."""
 
     def __init__(self, params, urdf: str | None = None) -> None:
         self.dt, self.mass, self.gravity = params.control_period_s, params.object.mass, np.array(params.gravity)

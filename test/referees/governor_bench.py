@@ -43,15 +43,15 @@ def configuration(case, **changes):
     """Return a GOVERNOR_CONFIG buffer of a case with the defaults of the page."""
     buffer = new(GOVERNOR_CONFIG)
     config = record(buffer, GOVERNOR_CONFIG)
-    config.mode, config.margin, config.path_margin, config.given_up = Governing.SLOW_DOWN, 0.95, 0.97, 0.985
+    config.mode, config.margin = Governing.SLOW_DOWN, 0.95
     config.radius, config.slip_axes[:], config.gravity[:] = case.radius, case.axes, case.gravity
     config.weights[:3], config.weights[3:] = case.axes[:3], case.axes[3:] / case.radius
-    config.duration, config.length, config.floor, config.most_grip = 2.0, 0.1, 0.05, 1.0
+    config.duration, config.most_grip = 2.0, 1.0
     config.most_speed = config.most_turning = 1e3
     config.window, config.led = 1, 1
     e = config.friction
-    e.friction, e.configured, e.kept, e.least, e.probe = Friction.LEARNT, case.force, 0.95, 0.02 * case.force, 0.01
-    e.threshold, e.quiet_ns, e.sensor_delay_ns, e.trust = 5e-5, 50_000_000, 0, 0.5
+    e.friction, e.configured, e.least, e.probe = Friction.LEARNT, case.force, 0.02 * case.force, 0.01
+    e.threshold, e.sensor_delay_ns = 5e-5, 0
     e.friction = changes.pop("estimator", e.friction)
     for name, value in changes.items():
         target = e if name in e.dtype.names else config

@@ -2,24 +2,10 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-
-def skew(a):
-    return np.array([[0, -a[2], a[1]], [a[2], 0, -a[0]], [-a[1], a[0], 0.0]])
-
-
-def rotation_of(phi):
-    if phi[0] == phi[1] == 0.0:
-        c, s = math.cos(phi[2]), math.sin(phi[2])
-        return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    angle = np.linalg.norm(phi)
-    if angle < 1e-12:
-        return np.eye(3) + skew(phi)
-    S = skew(phi / angle)
-    return np.eye(3) + np.sin(angle) * S + (1 - np.cos(angle)) * S @ S
+from test.referees.arrays import skew
 
 
 def jacobian(phi):
@@ -63,12 +49,12 @@ class BentPath:
         value, rate, rate_rate = self.coordinates(t)
         phi = value[3:]
         if self.level:
-            return value[:3], rotation_of(phi) @ self.start, rate, rate_rate
+            return value[:3], Rotation.from_rotvec(phi).as_matrix() @ self.start, rate, rate_rate
         J, h = jacobian(phi), 1e-5
         J_dot = (jacobian(phi + h * rate[3:]) - jacobian(phi - h * rate[3:])) / (2 * h)
         return (
             value[:3],
-            rotation_of(phi) @ self.start,
+            Rotation.from_rotvec(phi).as_matrix() @ self.start,
             np.concatenate((rate[:3], J @ rate[3:])),
             np.concatenate((rate_rate[:3], J @ rate_rate[3:] + J_dot @ rate[3:])),
         )

@@ -7,7 +7,7 @@ does not evaluate: the parts of the grasp matrix, slip acceleration, and how the
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -73,7 +73,7 @@ def two(R: np.ndarray) -> np.ndarray:
 
 @dataclass
 class RefereeInput:
-    """Everything the law needs, in plain arrays."""
+    """Everything the law needs, in plain arrays; object: mass, inertia, gravity; gains by their names in the law."""
 
     arm: Any
     reference: Any
@@ -84,26 +84,15 @@ class RefereeInput:
     contact_positions: list[np.ndarray]
     contact_rotations: list[np.ndarray]
     slip_axes: np.ndarray
-    mass: float
-    inertia: np.ndarray
-    gravity: np.ndarray
-    K_D: np.ndarray
-    D_D: np.ndarray
-    M_D: np.ndarray
-    gamma_k: np.ndarray
-    gamma_d: np.ndarray
-    alpha: float
-    k_s: float
+    object: Any
+    gains: Any
     attitude: str
     tau_0: np.ndarray
-    previous: np.ndarray = field(default_factory=lambda: np.zeros(3))
-    follow_error: np.ndarray = field(default_factory=lambda: np.zeros(6))
-    characteristic_length: float = 1.0
-    spin_limit: float = np.inf
-    sigma_min: float = 0.0
-    most_damping: float = 0.0
-    kappa: float = 0.0
-    radius: float = 0.03
+    previous: np.ndarray
+    follow_error: np.ndarray
+    sigma_min: float
+    most_damping: float
+    radius: float
 
 
 def referee_law(given: RefereeInput) -> dict[str, np.ndarray]:
@@ -122,12 +111,12 @@ def referee_law(given: RefereeInput) -> dict[str, np.ndarray]:
     r = R_o @ (given.contact_positions[0] + given.contact_rotations[0] @ given.slip_positions[0])
 
     zero = np.zeros((3, 3))
-    J_o = R_o @ given.inertia @ np.linalg.inv(R_o)
+    J_o = R_o @ given.object.inertia @ np.linalg.inv(R_o)
     v_o = np.linalg.inv(G[0].T) @ (v_ee - v_s)
     w_o = v_o[3:]
-    B_o = np.block([[given.mass * np.eye(3), zero], [zero, J_o]])
+    B_o = np.block([[given.object.mass * np.eye(3), zero], [zero, J_o]])
     C_o = np.block([[zero, zero], [zero, S(w_o) @ J_o]])
-    g_o = np.concatenate((-given.mass * given.gravity, np.zeros(3)))
+    g_o = np.concatenate((-given.object.mass * given.object.gravity, np.zeros(3)))
     h_o = sum(G_i @ h_i for G_i, h_i in zip(G, h, strict=True))
     P = G[0].T @ np.linalg.inv(B_o) @ C_o @ np.linalg.inv(G[0].T)
     Phi2 = np.concatenate((np.cross(w_o, np.cross(w_o, r)), np.zeros(3)))
@@ -156,20 +145,20 @@ def referee_law(given: RefereeInput) -> dict[str, np.ndarray]:
     e_dot = np.concatenate((v_ee[:3] - ref.twist[:3], e_o_dot))
 
     fade = np.concatenate((v_s[:3], np.linalg.inv(axes) @ v_s[3:]))
-    K = np.diag([k * np.exp(-g * abs(v)) for k, g, v in zip(given.K_D, given.gamma_k, fade, strict=True)])
-    D = np.diag([d * np.exp(-g * abs(v)) for d, g, v in zip(given.D_D, given.gamma_d, fade, strict=True)])
-    M_D = np.diag(given.M_D)
-    gate = np.tanh(given.alpha * np.linalg.norm(v_s * ([1.0] * 3 + [given.characteristic_length] * 3)))
-    comp = Phi2 - given.k_s * v_s - P @ (v_ee - v_s) - G[0].T @ np.linalg.inv(B_o) @ (g_o + h_o) - Theta
+    K = np.diag([k * np.exp(-g * abs(v)) for k, g, v in zip(given.gains.K_D, given.gains.gamma_k, fade, strict=True)])
+    D = np.diag([d * np.exp(-g * abs(v)) for d, g, v in zip(given.gains.D_D, given.gains.gamma_d, fade, strict=True)])
+    M_D = np.diag(given.gains.M_D)
+    gate = np.tanh(given.gains.alpha * np.linalg.norm(v_s * ([1.0] * 3 + [given.gains.characteristic_length] * 3)))
+    comp = Phi2 - given.gains.k_s * v_s - P @ (v_ee - v_s) - G[0].T @ np.linalg.inv(B_o) @ (g_o + h_o) - Theta
     comp = comp + two(R) @ given.follow_error
     mask = two(R) @ np.diag(given.slip_axes) @ np.linalg.inv(two(R))
     gated = gate * (mask @ comp)
-    gated[3:] *= min(1.0, given.spin_limit / max(float(np.linalg.norm(gated[3:])), 1e-300))
+    gated[3:] *= min(1.0, given.gains.spin_limit / max(float(np.linalg.norm(gated[3:])), 1e-300))
     Lambda = M_D @ np.linalg.inv(T_e) @ gated
     a_C = a_d + T_e @ np.linalg.inv(M_D) @ (-K @ e - D @ e_dot + Lambda) + Theta
     W = np.diag([1.0] * 3 + [given.radius**2] * 3)
     h_int = h[0] - W @ G[0].T @ np.linalg.inv(sum(G_i @ W @ G_i.T for G_i in G)) @ h_o
-    a_C = a_C + given.kappa * np.linalg.inv(M_D) @ h_int
+    a_C = a_C + given.gains.kappa * np.linalg.inv(M_D) @ h_int
 
     B_inv = np.linalg.inv(arm.M)
     rows = given_rows(arm.J, given.sigma_min)
@@ -183,7 +172,7 @@ def referee_law(given: RefereeInput) -> dict[str, np.ndarray]:
     return {
         "Z": Z, "a_d": a_d, "sigma_min": sigma, "damping_squared": damping**2,
         "tau_task": tau - arm.bias - N.T @ given.tau_0,
-        "V_e": 0.5 * (e_dot @ M_D @ e_dot + e @ np.diag(given.K_D) @ e), "V_s": 0.5 * v_s @ v_s, "w_o": w_o,
+        "V_e": 0.5 * (e_dot @ M_D @ e_dot + e @ np.diag(given.gains.K_D) @ e), "V_s": 0.5 * v_s @ v_s, "w_o": w_o,
         "follow": -P @ (v_ee - v_s) - G[0].T @ np.linalg.inv(B_o) @ (g_o + h_o), "T_e": T_e,
         "v_s": v_s, "h_ee": h[0], "R_o": R_o, "r": r, "v_o": v_o, "h_o": h_o, "P": P, "G": G[0], "Phi2": Phi2, "e": e,
         "e_dot": e_dot, "K": np.diag(K), "D": np.diag(D), "gate": gate, "comp": mask @ comp, "Lambda": Lambda,

@@ -18,7 +18,7 @@ import pytest
 
 from slip_sim_bridge import simulation
 from slip_vic.run.in_process import run_in_process
-from slip_vic.scenarios.scenario import load_scenario
+from slip_vic.scenarios.scenario import load
 
 pytest.importorskip("pydrake", reason="Drake is not installed: pip install 'slip-vic[referee]'")
 from .drake_world import DrakePlant, drake_plant  # needs Drake
@@ -70,10 +70,10 @@ LOADS: Final = {
 def scenario(law, *assignments):
     """`paper_planar` with Coulomb friction."""
     coulomb = ("bridge.friction.model=coulomb", "bridge.friction.mu_s=0.4", f"bridge.duration_s={DURATION_S}")
-    return load_scenario("paper_planar", law=law, assignments=(*coulomb, *assignments))
+    return load("paper_planar", law=law, set=(*coulomb, *assignments))
 
 
-def load(params, name, share):
+def wrench_of(params, name, share):
     """Wrench on the plate at the pads that uses this share of our limit surface; (6,) [N, N m]."""
     towards, on = np.radians(LOADS[name])
     size = share * params.friction.mu_k * params.grip.force
@@ -93,8 +93,9 @@ def recorded(scenario):
         for incident in tick.incidents:
             print(f"\n{incident}")
         (arm,) = tick.outputs.arms
-        hands.append(arm.readings.pad)
-        slips.append(arm.readings.truth.slip_displacement[[0, 1, 5]])
+        truth = arm.readings.truth
+        hands.append((truth.pad_position, truth.pad_rotation))
+        slips.append(truth.slip_displacement[[0, 1, 5]])
     return hands, np.array(slips)
 
 
@@ -113,7 +114,7 @@ def carried(scenario, hands):
 def test_creep_below_the_limit(name):
     params = scenario("classical").bridge
     world = DrakePlant(params)
-    world.push([load(params, name, 0.9)])
+    world.push([wrench_of(params, name, 0.9)])
     for _ in range(1000):
         world.follow(HAND, HAND, params.grip.force)
     start = world.slip()
@@ -130,7 +131,7 @@ def test_break_away_is_on_our_limit_surface(name):
     world = DrakePlant(params)
     for k in range(2000):
         share = 0.8 + 0.4 * k / 2000
-        world.push([load(params, name, share)])
+        world.push([wrench_of(params, name, share)])
         world.follow(HAND, HAND, params.grip.force)
         if k > 50 and scaled(params, world.slip_rate()) > 5 * CREEP_M_S:
             break

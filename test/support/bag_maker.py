@@ -12,7 +12,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_typestore
 
 from slip_bags.format import QosProfile, TopicInfo
-from slip_bags.typedefs import find_definition
+from slip_bags.recorder import find_definition
 from slip_bags.writer import BagWriter
 
 STORE = get_typestore(Stores.ROS2_JAZZY)

@@ -10,7 +10,7 @@ from typing import Any, Final, get_args, get_origin, get_type_hints
 import numpy as np
 
 from slip_core.arrays import Array
-from slip_core.records import Record, Records, WholeArray, dtype_of, record
+from slip_core.records import Record, Records, WholeArray, dtype_of, new, record
 from slip_core.vectors import Mat, Spatial, Vec, mat, spatial, vec
 
 
@@ -23,6 +23,11 @@ def call(part: Callable[..., Any], *arguments: Any) -> Any:
     """
     function = getattr(part, "py_func", part)
     return part(*[cast(given) for cast, given in zip(_casts(function), arguments, strict=True)])
+
+
+def blank(kind: type[Record]) -> Any:
+    """Return a record of zeros."""
+    return record(new(dtype_of(kind)), dtype_of(kind))
 
 
 def flat(result: Any) -> Array:

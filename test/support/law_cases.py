@@ -10,8 +10,7 @@ import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.records import Pose, Record, Records, dtype_of, new, place, record
-from slip_vic.law import GIVEN
-from slip_vic_controller.contact.layouts import MOTION
+from slip_vic_controller.contact.observer import MOTION
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.law.attitude import Coordinates
 from slip_vic_controller.law.config import LAW_CONFIG
@@ -20,10 +19,11 @@ from slip_vic_controller.law.evaluation import EVALUATION
 from slip_vic_controller.law.gains import LAW_GAINS
 from slip_vic_controller.law.law import evaluate, predict_motion, scale_acceleration
 from slip_vic_controller.law.object import integrate_slips
-from slip_vic_controller.law.symbols import SLIP_ESTIMATE, SYMBOLS, published, symbols
+from slip_vic_controller.law.symbols import SYMBOLS, published, symbols
 from slip_vic_controller.path import paths
 from slip_vic_controller.path.paths import PATH, REFERENCE
 from slip_vic_controller.sizes import MAX_CONTACTS
+from slip_vic_controller.state import OUTPUTS
 from test.referees.law_referee import RefereeInput, exponential
 from test.support.call import call
 
@@ -84,24 +84,24 @@ class Case:
 
     def evaluate(self, factor: float | None = None) -> Any:
         """Return the EVALUATION record; its buffer is `evaluation`. `factor`: of the acceleration that is commanded."""
-        given = new(GIVEN)
+        given = new(OUTPUTS)
         config, gains, arm, samples, slips, reference = self.buffers
         buffers = {"gains": gains, "samples": samples, "slips": slips, "reference": reference}
         buffers["follow_error"] = self.follow_error
         for name, buffer in buffers.items():
-            given[place(GIVEN, name)] = buffer
-        given_record = record(given, GIVEN)
+            given[place(OUTPUTS, name)] = buffer
+        given_record = record(given, OUTPUTS)
         call(evaluate, config, arm, self.q, self.qd, self.posture, self.previous, given_record)
         if factor is not None:
             call(scale_acceleration, config, arm, self.q, self.qd, self.posture, factor, given_record)
-        self.evaluation = given[place(GIVEN, "law")]
+        self.evaluation = given[place(OUTPUTS, "law")]
         return record(self.evaluation, EVALUATION)
 
-    def symbols(self, estimate: Array | None = None) -> dict[str, float]:
+    def symbols(self) -> dict[str, float]:
         """Return the published numbers of the case, after `evaluate`."""
         config, gains, arm, _, slips, reference = self.buffers
-        out, known = new(SYMBOLS), new(SLIP_ESTIMATE) if estimate is None else estimate
-        call(symbols, config, gains, arm, slips, record(reference, REFERENCE), self.evaluation, known, out)
+        out = new(SYMBOLS)
+        call(symbols, config, gains, arm, slips, record(reference, REFERENCE), self.evaluation, 0.0, out)
         names, places = published(self.joints)
         return dict(zip(names, out[places].tolist(), strict=True))
 
@@ -134,25 +134,14 @@ class Case:
             contact_positions=[self.gains.contact_position, *(c.contact[i].position for i in range(1, k))],
             contact_rotations=[c.contact[i].rotation for i in range(k)],
             slip_axes=c.contact[0].slip_axes,
-            mass=self.gains.object.mass,
-            inertia=self.gains.object.inertia,
-            gravity=self.gains.object.gravity,
-            K_D=g.K_D,
-            D_D=g.D_D,
-            M_D=g.M_D,
-            gamma_k=g.gamma_k,
-            gamma_d=g.gamma_d,
-            alpha=g.alpha,
-            k_s=g.k_s,
+            object=self.gains.object,
+            gains=SimpleNamespace(**{name: np.array(g[name]) for name in g.dtype.names}),
             attitude="rpy" if c.attitude == Coordinates.RPY else "log",
             tau_0=c.nullspace_stiffness * (self.posture - self.q) - c.nullspace_damping * self.qd,
             previous=self.previous,
             follow_error=self.follow_error,
-            characteristic_length=g.characteristic_length,
-            spin_limit=g.spin_limit,
             sigma_min=c.sigma_min,
             most_damping=c.most_damping,
-            kappa=g.kappa,
             radius=c.radius,
         )
 

@@ -12,9 +12,9 @@ import numpy as np
 from slip_core.params import build
 from slip_core.records import record
 from slip_core.types import JointSample, SlipSample, WrenchSample
+from slip_vic_controller.config.controller import Controller
 from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.safety.conditions import Reason
-from slip_vic_controller.session.controller import Controller
 from slip_vic_controller.session.cycle_result import CycleResult, Health
 from slip_vic_controller.state import CONFIG
 from test.support.one_arm import OneArm, one_arm
@@ -29,6 +29,10 @@ LOAD = np.array([0.1, 0.2, -4.9, 0.0, 0.0, 0.01])
 SLIP = np.array([0.004, -0.002, 0.0, 0.0, 0.0, 0.03])
 NOISE = 1e-7 * np.random.default_rng(0).uniform(-1.0, 1.0, (4096, 10))  # no measured number is equal to the one before
 N = len(HOME)
+CALM = {
+    "safety__load__drop_speed": 1e3, "safety__limits__error_linear": 100.0, "safety__limits__error_angular": 100.0,
+}  # fmt: skip
+"""For an arm that is held: it does not do what the law wants, and nothing of that is to be a finding."""
 
 
 def controller_of(lockstep: bool = False, **values: Any) -> Controller:

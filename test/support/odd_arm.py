@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import re
 
 _BODY = (
@@ -60,19 +61,13 @@ def odd_arm_urdf() -> str:
     return "".join([*parts, '<transmission name="t"><type>x</type></transmission></robot>'])
 
 
-def with_joint(text: str, name: str, pattern: str, instead: str) -> str:
-    """Return a URDF in which something of one joint reads otherwise."""
-    element = re.search(rf'<joint name="{name}".*?</joint>', text)
+def _changed(kind: str, text: str, name: str, pattern: str, instead: str) -> str:
+    """Return a URDF in which something of one link or joint reads otherwise."""
+    element = re.search(rf'<{kind} name="{name}".*?</{kind}>', text)
     assert element
     changed, count = re.subn(pattern, instead, element.group(0))
     assert count
     return text.replace(element.group(0), changed)
 
 
-def with_link(text: str, name: str, pattern: str, instead: str) -> str:
-    """Return a URDF in which something of one link reads otherwise."""
-    element = re.search(rf'<link name="{name}".*?</link>', text)
-    assert element
-    changed, count = re.subn(pattern, instead, element.group(0))
-    assert count
-    return text.replace(element.group(0), changed)
+with_joint, with_link = functools.partial(_changed, "joint"), functools.partial(_changed, "link")

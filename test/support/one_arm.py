@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from slip_core.types import JointSample
+from slip_vic_controller.config.controller import Controller
 from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.safety.conditions import Reason
-from slip_vic_controller.session.controller import Controller
 from slip_vic_controller.session.cycle_result import CycleResult, Health
 from slip_vic_controller.session.session import ControllerSession
 

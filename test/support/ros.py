@@ -17,8 +17,7 @@ from typing import Any
 
 import pytest
 
-from slip_msgs_py.environment import choose_transport
-from slip_msgs_py.events import Kind
+from slip_msgs_py.environment import Kind, choose_transport
 from slip_vic.run.domain import domain_id
 from slip_vic.run.processes import Child, ProcessGroup, child_environment
 
@@ -56,27 +55,27 @@ class Processes:
     def wait_event(self, child: Child, kind: Kind) -> Mapping[str, Any]:
         """Wait until a child has told an event; fail with its last lines where it ends first."""
         what = f"{kind} of {child.name}"
-        wait_until(lambda: child.last(kind) is not None or child.exit_code is not None, what)
-        if child.last(kind) is None:
-            child.wait(1.0)
-        event = child.last(kind)
-        assert event is not None, f"{child.name} ended with {child.exit_code}:\n{child.tail()}"
+        wait_until(lambda: child.last.get(kind) is not None or child.poll() is not None, what)
+        if child.last.get(kind) is None:
+            child.has_ended(1.0)
+        event = child.last.get(kind)
+        assert event is not None, f"{child.name} ended with {child.poll()}:\n{child.tail()}"
         return event
 
     def wait_end(self, child: Child) -> int:
         """Wait until a child has ended by itself; return its exit code."""
-        assert child.wait(DEADLINE_S), f"{child.name} did not end:\n{child.tail()}"
-        assert child.exit_code is not None
-        return child.exit_code
+        assert child.has_ended(DEADLINE_S), f"{child.name} did not end:\n{child.tail()}"
+        assert child.poll() is not None
+        return child.poll()
 
     def kill(self, child: Child) -> None:
         """Kill a child and wait for its end."""
-        child.send(signal.SIGKILL)
+        child.send_signal(signal.SIGKILL)
         self.wait_end(child)
 
     def stop(self, child: Child, signal_number: int) -> int:
         """Send a signal and wait for the end; return the exit code."""
-        child.send(signal_number)
+        child.send_signal(signal_number)
         return self.wait_end(child)
 
 
@@ -96,8 +95,9 @@ def _processes(domain: int) -> Iterator[Processes]:
     with ProcessGroup() as group:
         yield Processes(group, environment)
         for child in group.children:  # pytest shows it where the test failed
-            print(f"{child.name} (exit code {child.exit_code}), last lines:\n{child.tail()}")
+            print(f"{child.name} (exit code {child.poll()}), last lines:\n{child.tail()}")
             assert " object at 0x" not in child.tail(), "a line of the log shows an object instead of its name"
+            assert not any("failed in " in line for line in child.lines), "a bug that the node has outlived"
 
 
 @contextlib.contextmanager

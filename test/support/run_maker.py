@@ -10,15 +10,14 @@ from typing import Any
 import numpy as np
 
 from slip_bags.format import QosProfile, TopicInfo
-from slip_bags.typedefs import find_definition
+from slip_bags.recorder import find_definition
 from slip_bags.writer import BagWriter
 from slip_core.params import build, flatten
-from slip_core.types import DisplacementSample
 from slip_msgs_py.messages.from_msgs import cartesian_reference, pose_goal
 from slip_vic.replay.run_data import RecordedRun
 from slip_vic.run.in_process import ClosedLoop, Tick
 from slip_vic.scenarios.scenario import NODES, Scenario, ros_parameter_file
-from slip_vic_controller.params.node_params import ControllerNodeParams
+from slip_vic_controller.params.controller_params import ControllerParams
 from test.support.bag_maker import STORE, encode
 
 TYPES = STORE.types
@@ -26,8 +25,6 @@ TOPICS = {
     "/joint_states": "sensor_msgs/msg/JointState",
     "/wrench": "geometry_msgs/msg/WrenchStamped",
     "/slip_velocity": "geometry_msgs/msg/TwistStamped",
-    "/slip_displacement": "geometry_msgs/msg/PoseStamped",
-    "/slip_flag": "sensor_msgs/msg/JointState",
     "/effort_command": "sensor_msgs/msg/JointState",
     "/velocity_command": "sensor_msgs/msg/JointState",
     "/controller/ledger": "std_msgs/msg/Int64MultiArray",
@@ -46,7 +43,7 @@ def attachments(scenario: Scenario) -> dict[str, bytes]:
 
 def with_parameters(runs: Mapping[str, RecordedRun], **changed: object) -> dict[str, RecordedRun]:
     """Return the run of an only arm with other parameters of its controller."""
-    params = build(ControllerNodeParams, flatten(runs[""].params) | changed, "test")
+    params = build(ControllerParams, flatten(runs[""].params) | changed, "test")
     return {"": replace(runs[""], params=params)}
 
 
@@ -110,17 +107,17 @@ def run(scenario: Scenario, retune: Mapping[int, Mapping[str, float]], goals: Ma
     loop = ClosedLoop(scenario)
     values = flatten(scenario.controller)
     while not loop.bridge.finished:
-        outputs = loop.observe()
+        outputs = loop.bridge.observe()
         if outputs.tick in retune:
             values |= retune[outputs.tick]
-            loop.session.retune((build(ControllerNodeParams, values, "test"),))
+            loop.session.retune((build(ControllerParams, values, "test"),))
         if outputs.tick in goals:
             controller, trajectory = loop.session, scenario.controller.trajectory
             if trajectory.kind == "goal":
                 controller.set_goal(pose_goal(goals[outputs.tick], trajectory.duration_s))
             else:
                 controller.set_reference(cartesian_reference(goals[outputs.tick]))
-        result = loop.control(outputs)
+        result = loop.answer(outputs)[0]
         yield Tick(outputs, (result,))
         loop.bridge.advance([result.command])
 
@@ -145,14 +142,6 @@ def messages(tick: Tick, scenario: Scenario, change: Any) -> Iterable[tuple[str,
         inner = TYPES["geometry_msgs/msg/Wrench"](*parts)
         yield "/wrench", TYPES["geometry_msgs/msg/WrenchStamped"](_header(wrench.stamp_ns), inner)
     for slip in tick.outputs.arms[0].slips:
-        if scenario.controller.slip_input == "flag":
-            yield "/slip_flag", _joint_state(slip.stamp_ns, ["slip"], slip.twist[:1], NONE, NONE)
-            continue
-        if isinstance(slip, DisplacementSample):
-            point, quat = TYPES["geometry_msgs/msg/Point"], TYPES["geometry_msgs/msg/Quaternion"]
-            pose = TYPES["geometry_msgs/msg/Pose"](point(*slip.pose[:3].tolist()), quat(*slip.pose[3:].tolist()))
-            yield "/slip_displacement", TYPES["geometry_msgs/msg/PoseStamped"](_header(slip.stamp_ns), pose)
-            continue
         inner = TYPES["geometry_msgs/msg/Twist"](*_vectors(slip.twist))
         yield "/slip_velocity", TYPES["geometry_msgs/msg/TwistStamped"](_header(slip.stamp_ns), inner)
     interface, command = scenario.controller.command.interface, change(tick, np.array(result.command.numbers))

@@ -12,24 +12,24 @@ SHARED = {"/object_state": ["/object/object_state"], "/object_description": ["/o
 
 def two_arms(source: Path, folder: Path) -> None:
     """Write a bag with the topics in `left/` and `right/`, the object's in `object/`; both arms are in one place."""
-    with Bag(source) as bag:
-        topics = [name for name in bag.topics if name != "/clock"]
+    bag = Bag(source)
+    topics = [name for name in bag.topics if name != "/clock"]
     copy_bag(source, folder, {name: SHARED.get(name, [f"/left{name}", f"/right{name}"]) for name in topics})
 
 
 def copy_bag(source: Path, folder: Path, names: Mapping[str, Sequence[str]]) -> None:
     """Write the messages of some topics into a new bag, each topic under its new names."""
-    with Bag(source) as bag:
-        writer = BagWriter(folder, bag.custom_data, bag.attachments)
-        try:
-            for name, copies in names.items():
-                for copy in copies:
-                    writer.add_topic(
-                        replace(bag.topics[name], name=copy, message_count=0),
-                        bag._schema(bag.topics[name]).data.decode(),
-                    )
-            for message in bag.raw(names):
-                for copy in names[message.topic]:
-                    writer.write(copy, *message[1:])
-        finally:
-            writer.close()
+    bag = Bag(source)
+    writer = BagWriter(folder, bag.custom_data, bag.attachments)
+    try:
+        for name, copies in names.items():
+            for copy in copies:
+                writer.add_topic(
+                    replace(bag.topics[name], name=copy, message_count=0),
+                    bag._schemas[name].data.decode(),
+                )
+        for message in bag.raw(names):
+            for copy in names[message.topic]:
+                writer.write(copy, *message[1:])
+    finally:
+        writer.close()

@@ -24,10 +24,10 @@ class WatchedLoop:
 
     def cycle(self, sensed: Change | None = None, sent: Change | None = None) -> CycleResult:
         """Run a cycle; sensed(arm): what arrives of its samples; sent(command): what arrives of it, None = nothing."""
-        outputs = self.loop.observe()
+        outputs = self.loop.bridge.observe()
         if sensed is not None:
             outputs = outputs._replace(arms=tuple(sensed(arm) for arm in outputs.arms))
-        result = self.loop.control(outputs)
+        result = self.loop.answer(outputs)[0]
         self.loop.bridge.advance([result.command if sent is None else sent(result.command)])
         self.fastest = max(self.fastest, self.speed)
         return result

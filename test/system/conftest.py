@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from slip_vic.run.launcher import Launcher, RunResult
-from slip_vic.run.processes import child_environment
-from slip_vic.scenarios.scenario import Scenario, load_scenario
+from slip_vic.scenarios.scenario import Scenario, load
+from test.support.command import slip_vic
 
-DEMO_S, DEMO_DEADLINE_S = 4.0, 600.0
+DEMO_S = 4.0
 REAL_TIME_S = 2.0
 NOISY = (
     "bridge.duration_s=0.6",
@@ -42,21 +42,25 @@ def record(folder: Path, scenario: Scenario) -> Recording:
     return Recording(scenario, folder / "bag", result)
 
 
-def noisy_scenario(seed: int) -> Scenario:
-    """A short run with noise, a slow sensor and every topic of a lockstep run."""
-    return load_scenario("paper_planar", seed=seed, assignments=NOISY)
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """A browser; only one at a time can be open in a thread."""
+    from test.support.browser import chromium
+
+    with chromium() as started:
+        yield started
 
 
 @pytest.fixture(scope="session")
 def noisy_run(tmp_path_factory: pytest.TempPathFactory) -> Recording:
-    """Lockstep, seed 5, every topic."""
-    return record(tmp_path_factory.mktemp("noisy"), noisy_scenario(5))
+    """A short lockstep run with noise, a slow sensor and every topic."""
+    return record(tmp_path_factory.mktemp("noisy"), load("paper_planar", law="vic", seed=5, set=NOISY))
 
 
 @pytest.fixture(scope="session")
 def real_time_run(tmp_path_factory: pytest.TempPathFactory) -> Recording:
     """1 kHz in real time, as well as this machine can."""
-    scenario = load_scenario("paper_planar", mode="realtime", assignments=[f"bridge.duration_s={REAL_TIME_S}"])
+    scenario = load("paper_planar", law="vic", mode="realtime", set=[f"bridge.duration_s={REAL_TIME_S}"])
     return record(tmp_path_factory.mktemp("real_time"), scenario)
 
 
@@ -67,12 +71,6 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     Of half its time: at rest after 2.2 s, all but the printed law are within 1 um of the goal.
     """
     out = tmp_path_factory.mktemp("demo") / "out"
-    environment = child_environment(0)
-    del environment["ROS_DOMAIN_ID"], environment["SLIP_VIC_EVENTS"]
-    command = [sys.executable, "-m", "slip_vic.cli", "demo", "--out", str(out)]
-    command += ["--set", f"bridge.duration_s={DEMO_S}"]
-    done = subprocess.run(
-        command, capture_output=True, text=True, env=environment, timeout=DEMO_DEADLINE_S, check=False
-    )
+    done = slip_vic("demo", "--out", out, "--set", f"bridge.duration_s={DEMO_S}")
     assert done.returncode == 0, done.stderr
     return out, done.stdout

@@ -21,8 +21,7 @@ from slip_core.compiled import IN1, OUT1, OUT2, VOID, kernel
 from slip_core.params import build
 from slip_core.records import new, record, records
 from slip_vic_controller.config.observer import capacity, observer_config
-from slip_vic_controller.contact.layouts import MOTION, OBSERVER, OBSERVER_CONFIG, ROW_SIZE
-from slip_vic_controller.contact.observer import observe, reset
+from slip_vic_controller.contact.observer import MOTION, OBSERVER, OBSERVER_CONFIG, ROW_SIZE, observe, reset
 from slip_vic_controller.law.contact import SLIP_SAMPLE
 from slip_vic_controller.params.controller_params import ControllerParams
 from tools.real_data.runs import RATE_HZ

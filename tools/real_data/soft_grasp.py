@@ -20,8 +20,7 @@ import math
 from slip_core.arrays import Array
 from slip_core.compiled import IN1, OUT2, REAL, VOID, kernel
 from slip_core.records import Real, Record, dtype_of, record
-from slip_core.symmetric import Sym
-from slip_core.vectors import Vec
+from slip_core.vectors import Sym, Vec
 from slip_sim_bridge.friction import lugre
 
 G = 9.81  # m/s^2

@@ -10,10 +10,8 @@ import yaml
 
 from slip_core.files.plain_yaml import read_yaml
 
-VERSION: Final = 9
-ROS_DISTRO: Final = "jazzy"
-_LATEST_NS: Final = 2**63 - 1
-_UNSET: Final = {"sec": _LATEST_NS // 10**9, "nsec": _LATEST_NS % 10**9}
+LATEST_NS: Final = 2**63 - 1  # in the year 2262
+_UNSET: Final = {"sec": LATEST_NS // 10**9, "nsec": LATEST_NS % 10**9}
 _NO_WRAP: Final = 2**31 - 1
 _DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 
@@ -28,52 +26,48 @@ class QosProfile:
 
 @dataclass(frozen=True, slots=True)
 class TopicInfo:
-    """One recorded topic: name, type, offered QoS (one entry per publisher), RIHS01 hash, message count."""
+    """One recorded topic: name, type, offered QoS (one entry per publisher), message count."""
 
     name: str
     type_name: str
     qos: tuple[QosProfile, ...] = ()
-    type_hash: str = ""
     message_count: int = 0
     encoding: str = "cdr"
 
 
-class RawMessage(NamedTuple):
-    """One stored message, not decoded: received and sent [ns], the publisher's number of it, its CDR bytes."""
+class BagMessage(NamedTuple):
+    """One stored message: received and sent [ns], the publisher's number of it; its CDR bytes, or what they decode to.
+
+    A decoded one has the fields of its type as attributes.
+    """
 
     topic: str
     log_time_ns: int
     publish_time_ns: int
     sequence: int
-    data: bytes
+    value: Any
 
 
 def qos_text(profiles: Sequence[QosProfile]) -> str:
     """Return the channel metadata ``offered_qos_profiles``."""
-    return _text([_qos_tree(profile) for profile in profiles])
+    return yaml_text([_qos_tree(profile) for profile in profiles])
 
 
-def metadata_text(
-    file: str,
-    topics: Sequence[TopicInfo],
-    span_ns: tuple[int, int] | None,
-    custom_data: Mapping[str, str],
-    *,
-    root: bool,
-) -> str:
-    """Return ``metadata.yaml`` (`root` True) or the MCAP record ``serialized_metadata`` (`root` False).
+def metadata_tree(
+    file: str, topics: Sequence[TopicInfo], span_ns: tuple[int, int] | None, custom_data: Mapping[str, str]
+) -> dict[str, Any]:
+    """Return the content of ``metadata.yaml`` below its root key, which is also the record ``serialized_metadata``.
 
     Args:
         file: name of the bag's MCAP file.
         topics: all of them, with their counts.
         span_ns: first and last log time [ns], None without messages.
         custom_data: texts of the user.
-        root: whether the tree stands below rosbag2's root key.
     """
-    start_ns, end_ns = span_ns or (_LATEST_NS, _LATEST_NS)
+    start_ns, end_ns = span_ns or (LATEST_NS, LATEST_NS)
     count = sum(topic.message_count for topic in topics)
-    tree: dict[str, Any] = {
-        "version": VERSION,
+    return {
+        "version": 9,
         "storage_identifier": "mcap",
         "duration": {"nanoseconds": end_ns - start_ns},
         "starting_time": {"nanoseconds_since_epoch": start_ns},
@@ -85,7 +79,7 @@ def metadata_text(
                     "type": topic.type_name,
                     "serialization_format": topic.encoding,
                     "offered_qos_profiles": [_qos_tree(profile) for profile in topic.qos],
-                    "type_description_hash": topic.type_hash,
+                    "type_description_hash": "",
                 },
                 "message_count": topic.message_count,
             }
@@ -103,9 +97,8 @@ def metadata_text(
             }
         ],
         "custom_data": dict(custom_data) or None,
-        "ros_distro": ROS_DISTRO,
+        "ros_distro": "jazzy",
     }
-    return _text({"rosbag2_bagfile_information": tree} if root else tree)
 
 
 def parse_qos(text: str) -> tuple[QosProfile, ...]:
@@ -114,12 +107,11 @@ def parse_qos(text: str) -> tuple[QosProfile, ...]:
     Bags of Humble and before have numbers instead of names: they play with the default QoS.
     """
     try:
-        profiles = tuple(QosProfile(item["reliability"], item["durability"]) for item in read_yaml(text) or ())
-    except (yaml.YAMLError, TypeError, KeyError, ValueError):
+        return tuple(
+            QosProfile(item["reliability"].lower(), item["durability"].lower()) for item in read_yaml(text) or ()
+        )
+    except (yaml.YAMLError, TypeError, KeyError, ValueError, AttributeError):
         return ()
-    return (
-        profiles if all(isinstance(name, str) for qos in profiles for name in (qos.reliability, qos.durability)) else ()
-    )
 
 
 def parse_custom_data(text: str) -> dict[str, str]:
@@ -145,5 +137,6 @@ def _qos_tree(qos: QosProfile) -> dict[str, Any]:
     }
 
 
-def _text(tree: Any) -> str:
+def yaml_text(tree: Any) -> str:
+    """Return a YAML text without wrapped lines, as rosbag2 writes it."""
     return yaml.dump(tree, Dumper=_DUMPER, sort_keys=False, width=_NO_WRAP, allow_unicode=True)

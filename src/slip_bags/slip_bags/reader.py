@@ -1,40 +1,33 @@
 """The one way to read a bag: folder or file, by topic, raw or decoded; no ROS needed.
 
-    with Bag("out/vic") as bag:
-        bag.topics["/wrench"].message_count
-        bag.series("/wrench")["wrench.force.x"]        # (n,) array; .stamp_ns, .log_time_ns beside it
-        for message in bag.messages("/wrench"):        # one by one, decoded
-            message.value.wrench.force.x
+    bag = Bag("out/vic")
+    bag.topics["/wrench"].message_count
+    bag.series("/wrench")["wrench.force.x"]        # (n,) array; .stamps, .log_time_ns beside it
+    for message in bag.messages("/wrench"):        # one by one, decoded
+        message.value.wrench.force.x
 
-Topics may be given without the leading slash.
+Topics may be given without the leading slash. A size that a file declares is checked before memory is taken for it:
+`mcap` itself unpacks whatever a chunk contains.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import functools
-import os
 from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import replace
 from pathlib import Path
 from shlex import quote
 from types import MappingProxyType
-from typing import Any, Final, NamedTuple, NoReturn
+from typing import IO, Any, Final, NoReturn
 
+import lz4.frame
+import zstandard
 from mcap.reader import SeekingReader
-from mcap.records import Message, Schema
-from mcap.summary import Summary
+from mcap.records import Channel, Chunk, McapRecord, Message, Schema
+from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap_ros2.decoder import DecoderFactory
 
-from slip_bags.format import RawMessage, TopicInfo, parse_custom_data
-from slip_bags.mcap_file import (
-    DAMAGE,
-    LATEST_NS,
-    RECORD_BYTES,
-    DamagedError,
-    mcap_files,
-    records_of,
-    topic_info,
-)
+from slip_bags.format import LATEST_NS, BagMessage, TopicInfo, parse_custom_data, parse_qos
 from slip_bags.series import Series
 from slip_core.errors import InputError, nearest
 from slip_core.files.resources import MAX_BYTES, open_file
@@ -42,26 +35,93 @@ from slip_core.files.resources import MAX_BYTES, open_file
 MOST_CHANNELS: Final = 4096
 MAX_DECODED: Final = MAX_BYTES // 32
 """Bytes of a message that is decoded: an object for each byte is the most that it can become."""
+RECORD_BYTES: Final = 350
+"""What a record takes in memory beside its content."""
 
 
-class DecodedMessage(NamedTuple):
-    """One decoded message; `value` has the fields of its type as attributes."""
+def mcap_file(path: Path) -> Path:
+    """Return the MCAP file of a bag: the only one in its folder, or the path itself.
 
-    log_time_ns: int
-    publish_time_ns: int
-    sequence: int
-    value: Any
+    Raises:
+        InputError: a folder with none or several.
+    """
+    files = sorted(path.glob("*.mcap")) if path.is_dir() else [path]
+    if len(files) != 1:
+        fix = "name one file; ros2 bag convert joins several, and unpacks a bag that is compressed as a whole"
+        raise InputError(f"bag {path}", got=f"{len(files)} MCAP files", expected="one", fix=fix)
+    return files[0]
+
+
+def chunk_records(chunk: Chunk) -> Iterator[McapRecord]:
+    """Yield the records in a chunk.
+
+    Raises:
+        ValueError: larger than declared or than memory may hold, cut, or of unknown compression; any error of `mcap`
+            and the compression libraries.
+    """
+    size = chunk.uncompressed_size
+    if (room := MAX_BYTES - 2 * size) < 0:  # its content, and that of each record
+        raise ValueError(f"chunk of {size} bytes, more than memory may hold")
+    if chunk.compression == "zstd":
+        with zstandard.ZstdDecompressor().stream_reader(chunk.data) as reader:
+            content = reader.read(size + 1)
+    elif chunk.compression == "lz4":
+        content = bytes(lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1))
+    elif chunk.compression == "":
+        content = chunk.data
+    else:
+        raise ValueError(f"unknown compression {chunk.compression!r}")
+    if len(content) != size:
+        raise ValueError(f"chunk declares {size} bytes and holds {'more' if len(content) > size else len(content)}")
+    at = 0
+    while at < size and room >= 0:
+        at += 9 + int.from_bytes(content[at + 1 : at + 9], "little")
+        room -= RECORD_BYTES
+    if room < 0:
+        raise ValueError("chunk with more records than memory may hold")
+    yield from breakup_chunk(dataclasses.replace(chunk, compression="", data=content), validate_crc=True)
+
+
+def records_of(file: IO[bytes], report: Callable[[str, Exception], None]) -> Iterator[McapRecord]:
+    """Yield the records of a file and of its chunks, in their order.
+
+    Args:
+        file: at its begin.
+        report: called with what is damaged, "the end" or "a chunk", which is left out; it may raise.
+    """
+
+    def read(records: Iterator[McapRecord], part: str) -> Iterator[McapRecord]:
+        try:
+            yield from records
+        except Exception as error:  # damaged bytes are parsed here: anything may happen
+            report(part, error)
+
+    for record in read(StreamReader(file, emit_chunks=True, record_size_limit=MAX_BYTES).records, "the end"):
+        for each in read(chunk_records(record), "a chunk") if isinstance(record, Chunk) else (record,):
+            if isinstance(each, Message) and max(each.log_time, each.publish_time) > LATEST_NS:
+                report("a message", ValueError("a time beyond the year 2262"))
+            else:
+                yield each
+
+
+def topic_info(channel: Channel, type_name: str) -> TopicInfo:
+    """Return the topic of a channel."""
+    qos = parse_qos(channel.metadata.get("offered_qos_profiles", ""))
+    return TopicInfo(channel.topic, type_name, qos, encoding=channel.message_encoding)
 
 
 class Bag:
-    """A bag opened for reading; a context manager.
+    """A bag for reading; its file is open only while messages are read.
 
     Args:
         path: a rosbag2 folder with one MCAP file, or the file.
 
     Attributes:
         topics: by name, sorted.
+        message_count: of all topics.
         span_ns: first and last log time [ns], None without messages.
+        custom_data: the texts that the recorder stored, by name.
+        attachments: attached files by name.
         size_bytes: size of the file.
 
     Raises:
@@ -70,73 +130,38 @@ class Bag:
 
     def __init__(self, path: Path | str) -> None:
         self.path = Path(path)
-        self.file, *others = mcap_files(self.path)
-        if others:
-            fix = f"`slip-vic bag recover {quote(str(self.path))}` joins them"
-            raise InputError(f"bag {self.path}", got=f"{1 + len(others)} files", expected="one MCAP file", fix=fix)
-        self._file = open_file(self.file, f"file {self.file}")
-        try:
-            self.size_bytes = os.fstat(self._file.fileno()).st_size
-            self._reader = SeekingReader(self._file, record_size_limit=min(self.size_bytes, MAX_BYTES))
-            self._load(self._reader.get_summary())
-        except DAMAGE as error:
-            self.close()
-            got = "no MCAP file with a readable end: the recorder was killed or the file is cut"
-            raise self._damaged(error, got) from None
+        self.file = mcap_file(self.path)
+        with open_file(self.file, f"file {self.file}") as file:
+            self.size_bytes = self.file.stat().st_size
+            try:
+                self._load(SeekingReader(file, record_size_limit=min(self.size_bytes, MAX_BYTES)))
+            except Exception as error:  # the bytes of a damaged file: anything may happen
+                self._refuse("its end: the recorder was killed or the file is cut", error)
 
-    def _load(self, summary: Summary | None) -> None:
+    def _load(self, reader: SeekingReader) -> None:
+        summary = reader.get_summary()
         if summary is None or summary.statistics is None:
-            raise DamagedError("no index")
+            raise ValueError("no index")
         counts = summary.statistics.channel_message_counts
         times = summary.statistics.message_start_time, summary.statistics.message_end_time
         if len(summary.channels) > MOST_CHANNELS or max(times) > LATEST_NS:
-            raise DamagedError(f"times beyond the year 2262, or over {MOST_CHANNELS} channels")
+            raise ValueError(f"times beyond the year 2262, or over {MOST_CHANNELS} channels")
         self._channels = {key: channel.topic for key, channel in summary.channels.items()}
         self._schemas: dict[str, Schema | None] = {}
         topics: dict[str, TopicInfo] = {}
         for key, channel in summary.channels.items():
             schema = self._schemas[channel.topic] = summary.schemas.get(channel.schema_id)
             known = topics.get(channel.topic) or topic_info(channel, schema.name if schema is not None else "")
-            topics[channel.topic] = replace(known, message_count=known.message_count + counts.get(key, 0))
+            topics[channel.topic] = dataclasses.replace(known, message_count=known.message_count + counts.get(key, 0))
         self.topics: Mapping[str, TopicInfo] = MappingProxyType(dict(sorted(topics.items())))
-        self.span_ns = times if any(counts.values()) else None
-        self._attached_bytes = sum(index.length for index in summary.attachment_indexes)
-
-    def __enter__(self) -> Bag:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Release the file."""
-        self._file.close()
-
-    @property
-    def message_count(self) -> int:
-        """Messages of all topics."""
-        return sum(topic.message_count for topic in self.topics.values())
-
-    @functools.cached_property
-    def custom_data(self) -> Mapping[str, str]:
-        """The texts that the recorder stored."""
-        found: dict[str, str] = {}
-        try:
-            for record in self._reader.iter_metadata():
-                found = parse_custom_data(record.metadata.get("serialized_metadata", "")) or found
-        except DAMAGE as error:
-            raise self._damaged(error) from None
-        return MappingProxyType(found)
-
-    @functools.cached_property
-    def attachments(self) -> Mapping[str, bytes]:
-        """Attached files by name."""
-        try:
-            if self._attached_bytes > MAX_BYTES:
-                raise DamagedError(f"attachments of more than {MAX_BYTES} bytes")
-            return MappingProxyType({record.name: record.data for record in self._reader.iter_attachments()})
-        except DAMAGE as error:
-            raise self._damaged(error) from None
+        self.message_count = sum(counts.values())
+        self.span_ns = times if self.message_count else None
+        if sum(index.length for index in summary.attachment_indexes) > MAX_BYTES:
+            raise ValueError(f"attachments of more than {MAX_BYTES} bytes")
+        self.attachments = MappingProxyType({record.name: record.data for record in reader.iter_attachments()})
+        texts = (record.metadata.get("serialized_metadata", "") for record in reader.iter_metadata())
+        found = [custom for text in texts if (custom := parse_custom_data(text))]
+        self.custom_data = MappingProxyType(found[-1] if found else {})
 
     def topic(self, name: str) -> TopicInfo:
         """Return a topic, with or without the leading slash.
@@ -149,12 +174,7 @@ class Bag:
                 return self.topics[candidate]
         raise InputError(f"topic {name} of bag {self.path}", got="no such topic", expected=nearest(name, self.topics))
 
-    def ending(self, name: str, arm: str = "") -> str | None:
-        """Return the first topic that is called so in any namespace, of an arm below its name; None without one."""
-        own = f"/{arm}/{name}" if arm else f"/{name}"
-        return next((topic for topic in self.topics if topic.endswith(own)), None)
-
-    def raw(self, topics: Collection[str] | None = None) -> Iterator[RawMessage]:
+    def raw(self, topics: Collection[str] | None = None) -> Iterator[BagMessage]:
         """Yield stored messages in the order of the file, of some topics or of all.
 
         Raises:
@@ -165,29 +185,26 @@ class Bag:
         return (message for message in source or self._stored() if message.topic in wanted)
 
     @functools.cached_property
-    def _all(self) -> list[RawMessage] | None:
+    def _all(self) -> list[BagMessage] | None:
         """All messages of a short bag: a chunk holds all topics, so one pass serves all of them."""
         found, room = [], MAX_BYTES // 2
         for message in self._stored():
-            room -= RECORD_BYTES + len(message.data)
+            room -= RECORD_BYTES + len(message.value)
             if room < 0:
                 return None
             found.append(message)
         return found
 
-    def _stored(self) -> Iterator[RawMessage]:
+    def _stored(self) -> Iterator[BagMessage]:
         with open_file(self.file, f"file {self.file}") as file:
             for record in records_of(file, self._refuse):
                 if isinstance(record, Message):
                     topic = self._channels.get(record.channel_id)
-                    if topic is None or max(record.log_time, record.publish_time) > LATEST_NS:
-                        self._refuse("a message", DamagedError("of no channel, or of a time beyond the year 2262"))
-                    yield RawMessage(topic, record.log_time, record.publish_time, record.sequence, record.data)
+                    if topic is None:
+                        self._refuse("a message", ValueError("of no channel"))
+                    yield BagMessage(topic, record.log_time, record.publish_time, record.sequence, record.data)
 
-    def _refuse(self, part: str, error: Exception) -> NoReturn:
-        raise self._damaged(error, f"damaged data in {part}") from None
-
-    def messages(self, topic: str) -> Iterator[DecodedMessage]:
+    def messages(self, topic: str) -> Iterator[BagMessage]:
         """Yield the messages of one topic, decoded, in the order of the file.
 
         Raises:
@@ -197,13 +214,13 @@ class Bag:
         decode = self._decoder(info)
         for message in self.raw([info.name]):
             try:
-                if len(message.data) > MAX_DECODED:
-                    raise DamagedError(f"{len(message.data)} bytes, more than {MAX_DECODED}")
-                value = decode(message.data)
+                if len(message.value) > MAX_DECODED:
+                    raise ValueError(f"{len(message.value)} bytes, more than {MAX_DECODED}")
+                value = decode(message.value)
             except Exception as error:  # the decoder is generated from the file's own schema: anything may happen
-                got = " ".join(str(error).split()) or type(error).__name__
+                got = str(error) or type(error).__name__
                 raise InputError(f"message on {info.name}", got=got, expected=f"a {info.type_name}") from None
-            yield DecodedMessage(message.log_time_ns, message.publish_time_ns, message.sequence, value)
+            yield message._replace(value=value)
 
     def series(self, topic: str) -> Series:
         """Return all messages of one topic as columns.
@@ -213,24 +230,18 @@ class Bag:
         """
         return Series(topic, self.messages(topic))
 
-    def _schema(self, info: TopicInfo) -> Schema:
-        schema = self._schemas[info.name]
-        if schema is None or info.encoding != "cdr" or schema.encoding != "ros2msg" or not schema.data:
-            got = f"{info.encoding} with {schema.encoding if schema is not None and schema.data else 'no schema'}"
-            raise InputError(f"topic {info.name}", got=got, expected="cdr with a ros2msg schema")
-        return schema
-
     def _decoder(self, info: TopicInfo) -> Callable[[bytes], Any]:
-        schema = self._schema(info)
+        schema = self._schemas[info.name]
         try:
             decode = DecoderFactory().decoder_for(info.encoding, schema)
+            if decode is None or schema is None or not schema.data:
+                raise ValueError(f"{info.encoding} with {schema.encoding if schema and schema.data else 'no schema'}")
         except Exception as error:  # third-party parser on the file's own text
-            got = " ".join(str(error).split())
-            raise InputError(f"schema of {info.name}", got=got, expected="message definitions") from None
-        assert decode is not None
+            expected = "message definitions (ros2msg) of messages in CDR"
+            raise InputError(f"schema of {info.name}", got=str(error), expected=expected) from None
         return decode
 
-    def _damaged(self, error: BaseException, what: str = "damaged data") -> InputError:
-        got = f"{what} ({' '.join(str(error).split()) or type(error).__name__})"
+    def _refuse(self, part: str, error: Exception) -> NoReturn:
+        got = f"damage in {part} ({str(error) or type(error).__name__})"
         fix = f"`slip-vic bag recover {quote(str(self.path))}` saves what can be read"
-        return InputError(f"bag file {self.file}", got=got, expected="a whole MCAP file with an index", fix=fix)
+        raise InputError(f"bag file {self.file}", got=got, expected="a whole MCAP file", fix=fix) from None

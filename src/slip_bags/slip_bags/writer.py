@@ -13,14 +13,13 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from shlex import quote
-from typing import Final
+from typing import Any, Final
 
 from mcap.writer import Writer
 
-from slip_bags.format import TopicInfo, metadata_text, qos_text
+from slip_bags.format import TopicInfo, metadata_tree, qos_text, yaml_text
 from slip_core.errors import InputError, SlipVicError
 
-LIBRARY: Final = "slip-vic bag"
 CHUNK_BYTES: Final = 786432  # rosbag2's chunk size
 _BUFFER_BYTES: Final = 1 << 20
 
@@ -50,8 +49,10 @@ class BagWriter:
     def __init__(
         self, folder: Path, custom_data: Mapping[str, str] | None = None, attachments: Mapping[str, bytes] | None = None
     ) -> None:
+        self._path = folder / f"{folder.resolve().name}_0.mcap"
         try:
             folder.mkdir(parents=True)
+            self._file = open(self._path, "xb", buffering=_BUFFER_BYTES)  # noqa: SIM115 - closed by `close`
         except OSError as error:
             fix = "choose another name or remove it"
             raise InputError(f"bag {folder}", got=error, expected="a new folder that can be made", fix=fix) from None
@@ -62,24 +63,21 @@ class BagWriter:
         self._channels: dict[str, int] = {}
         self.counts: Counter[str] = Counter()
         self._span_ns: tuple[int, int] | None = None
-        self._path = folder / f"{folder.resolve().name}_0.mcap"
-        self._is_open = True
         with self._reporting():
-            self._file = open(self._path, "xb", buffering=_BUFFER_BYTES)  # noqa: SIM115 - closed by `close`
             self._writer = Writer(self._file, chunk_size=CHUNK_BYTES)
-            self._writer.start("ros2", LIBRARY)
+            self._writer.start("ros2", "slip-vic bag")
             self._add_metadata()
             for name, data in (attachments or {}).items():
                 self._writer.add_attachment(0, 0, name, "application/octet-stream", data)
             self._writer.flush()
 
     def add_topic(self, topic: TopicInfo, schema_text: str) -> None:
-        """Add a topic; its QoS and hash are the same in the channel and in ``metadata.yaml``."""
+        """Add a topic; its QoS is the same in the channel and in ``metadata.yaml``."""
         with self._reporting():
             if topic.type_name not in self._schemas:
                 schema = self._writer.register_schema(topic.type_name, "ros2msg", schema_text.encode("utf-8"))
                 self._schemas[topic.type_name] = schema
-            metadata = {"offered_qos_profiles": qos_text(topic.qos), "topic_type_hash": topic.type_hash}
+            metadata = {"offered_qos_profiles": qos_text(topic.qos)}
             schema = self._schemas[topic.type_name]
             self._channels[topic.name] = self._writer.register_channel(topic.name, topic.encoding, schema, metadata)
         self._topics[topic.name] = topic
@@ -101,7 +99,7 @@ class BagWriter:
 
     def close(self) -> None:
         """Finish the file and write ``metadata.yaml``; further calls do nothing."""
-        if not self._is_open:
+        if self._file.closed:
             return
         with self._reporting():
             self._writer.flush()
@@ -111,33 +109,31 @@ class BagWriter:
             self._file.close()
             temporary = self.folder / ".metadata.yaml.tmp"  # metadata.yaml is there completely or not at all
             with open(temporary, "w", encoding="utf-8") as file:
-                file.write(self._metadata(root=True))
+                file.write(yaml_text({"rosbag2_bagfile_information": self._metadata()}))
                 file.flush()
                 os.fsync(file.fileno())
             os.replace(temporary, self.folder / "metadata.yaml")
-        self._is_open = False
 
     def _sync(self) -> None:
         self._file.flush()
         os.fsync(self._file.fileno())
 
-    def _metadata(self, *, root: bool) -> str:
+    def _metadata(self) -> dict[str, Any]:
         topics = [replace(topic, message_count=self.counts[name]) for name, topic in sorted(self._topics.items())]
-        return metadata_text(self._path.name, topics, self._span_ns, self.custom_data, root=root)
+        return metadata_tree(self._path.name, topics, self._span_ns, self.custom_data)
 
     def _add_metadata(self) -> None:
-        self._writer.add_metadata("rosbag2", {"serialized_metadata": self._metadata(root=False)})
+        self._writer.add_metadata("rosbag2", {"serialized_metadata": yaml_text(self._metadata())})
 
     @contextlib.contextmanager
     def _reporting(self) -> Iterator[None]:
         """End the bag at the first error of the disk, and say what to do."""
-        if not self._is_open:
+        if self._file.closed:
             raise StorageError(f"bag {self.folder}: it is closed already")
         try:
             yield
         except OSError as error:
-            self._is_open = False
-            with contextlib.suppress(OSError, AttributeError):
+            with contextlib.suppress(OSError):
                 self._file.close()
             reason = error.strerror or error
             fix = f"`slip-vic bag recover {quote(str(self.folder))}` saves the messages before"

@@ -11,6 +11,7 @@ import functools
 import hashlib
 import importlib.util
 import os
+import pickle
 import re
 import stat
 import sys
@@ -20,7 +21,9 @@ from typing import Any, TypeVar, cast
 
 import numba
 from numba.core import config
-from numba.core.caching import UserProvidedCacheLocator
+from numba.core.caching import NullCache
+from numba.core.compiler import CompileResult
+from numba.core.serialize import dumps
 
 from slip_core.errors import InputError
 from slip_core.part_compiler import STRICT, Part
@@ -59,31 +62,58 @@ def part(function: F) -> F:
     return function if config.DISABLE_JIT else cast(F, Part(function, _kept))
 
 
-def _kept(function: Callable[..., Any], *signature: object) -> Callable[..., Any]:
+def _kept(function: Callable[..., Any], *signatures: object) -> Callable[..., Any]:
     """Return a function compiled for a signature now, or for that of each first call; the machine code is kept."""
+    made = numba.njit(**STRICT)(function)
     if not config.DISABLE_JIT:
-        config.CACHE_DIR = str(_folder(_package(Path(function.__code__.co_filename))))
-    config.CACHE_LOCATOR_CLASSES = f"{__name__}.{SharedCache.__name__}"
-    try:
-        return numba.njit(*signature, cache=True, **STRICT)(function)
-    finally:
-        config.CACHE_LOCATOR_CLASSES = ""
+        made._cache = _MachineCode(function)
+        for signature in signatures:
+            made.compile(signature)
+            made.disable_compile()
+    return cast(Callable[..., Any], made)
 
 
-class SharedCache(UserProvidedCacheLocator):  # type: ignore[misc]
-    """Machine code by the path of its module in the package: wherever the package is installed."""
+class _MachineCode(NullCache):  # type: ignore[misc]
+    """The machine code of a function on disk: one file per signature, written atomically.
 
-    @classmethod
-    def get_suitable_cache_subpath(cls, py_file: str) -> str:
-        """Return the folder of a module's machine code below that of its package."""
-        path = Path(py_file)
-        return str(path.parent.relative_to(_package(path)))
+    numba's own cache numbers the files of a function and lists them in an index. If two processes add to it at once,
+    each may write its code to the file that the index lists for the other's signature.
+    """
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        code = function.__code__
+        path = Path(code.co_filename).resolve(strict=True)
+        package = _package(path)
+        enclosed = dumps(tuple(cell.cell_contents for cell in function.__closure__ or ()))
+        self._key = str(path.relative_to(package)), function.__qualname__, code.co_firstlineno, enclosed
+        self._begin = code_folder(package) / function.__name__
+
+    def load_overload(self, signature: object, target: Any) -> CompileResult | None:
+        """Return the code of a signature, None if there is none."""
+        target.refresh()
+        try:
+            kept = pickle.loads(self._path(signature, target.codegen()).read_bytes())
+        except FileNotFoundError:
+            return None
+        return CompileResult._rebuild(target, *kept)
+
+    def save_overload(self, signature: object, compiled: CompileResult) -> None:
+        """Write the code of a signature."""
+        if not compiled.library.has_dynamic_globals:
+            path = self._path(signature, compiled.codegen)
+            unfinished = path.with_suffix(f".{os.getpid()}")
+            unfinished.write_bytes(dumps(compiled._reduce()))
+            unfinished.replace(path)
+
+    def _path(self, signature: object, codegen: Any) -> Path:
+        key = repr((self._key, signature, codegen.magic_tuple()))
+        return self._begin.with_name(f"{self._begin.name}-{hashlib.sha256(key.encode()).hexdigest()}.code")
 
 
 @functools.lru_cache
-def _folder(package: Path) -> Path:
-    """Return where the machine code of a package lies: a name that changes with every source that it can depend on."""
-    digest = hashlib.sha256(numba.__version__.encode())
+def code_folder(package: Path) -> Path:
+    """Return the folder of a package's machine code: its name changes with Python, numba and all its sources."""
+    digest = hashlib.sha256(f"{numba.__version__} {sys.implementation.cache_tag}".encode())
     for text in _sources(package):
         digest.update(text)
     folder = user_cache() / f"{package.name}-{digest.hexdigest()[:16]}"

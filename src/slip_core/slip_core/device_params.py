@@ -20,16 +20,17 @@ class DriveModel(ParameterModel):
     """Drives of the joints: what is known of them; the launcher fills it from the drive's preset."""
 
     delay_s: float = parameter(
-        0.0, "time from a command to its effect, which no stamp shows; whole control periods", unit="s", ge=0.0, le=0.1
+        0.0, "dead time from a command to its effect; whole control periods", unit="s", ge=0.0, le=0.1
     )
-    lag_s: float = parameter(
-        0.0, "interface effort: time constant with which the effort follows its command; 0 = at once", unit="s", ge=0.0
-    )
+    lag_s: float = parameter(0.0, "interface effort: time constant of the effort; 0 = at once", unit="s", ge=0.0)
     bandwidth: float = parameter(
-        300.0, "interfaces velocity and position: rate with which the joint follows its command", unit="rad/s", gt=0.0
+        300.0,
+        "interfaces velocity and position: bandwidth of the joint's response to its command",
+        unit="rad/s",
+        gt=0.0,
     )
     armature: tuple[NotNegative, ...] = parameter(
-        (), f"inertia of the motors on the side of the joints: the rotor's by the gear's ratio squared; {EACH}",
+        (), f"rotor inertia reflected to the joint (times gear ratio squared); {EACH}",
         unit="kg m2",
     )  # fmt: skip
     coulomb: tuple[NotNegative, ...] = parameter((), f"Coulomb friction of the joints; {EACH}", unit="N m")
@@ -60,22 +61,19 @@ class JointSensorModel(ParameterModel):
     """Joint encoders: what is known of them."""
 
     rate_hz: float = parameter(
-        0.0, "how often positions and velocities are renewed; in between they are repeated. 0 = in every message",
+        0.0, "update rate of positions and velocities, which are repeated in between; 0 = every message",
         unit="Hz", ge=0.0, le=1e5,
     )  # fmt: skip
-    latency_s: float = parameter(
-        0.0, "age of the values that their stamp does not show: a driver's hidden delay", unit="s", ge=0.0, le=0.1
-    )
+    latency_s: float = parameter(0.0, "delay of the driver that the stamps do not include", unit="s", ge=0.0, le=0.1)
     noise_position: float = parameter(0.0, "standard deviation of each joint position", unit="rad", ge=0.0, le=0.1)
     noise_velocity: float = parameter(
-        0.0, "standard deviation of each joint velocity; with 0, and no quantum, a controller uses samples as they are",
+        0.0, "standard deviation of each joint velocity; if 0 and quantum_position is 0, joint states are not filtered",
         unit="rad/s", ge=0.0, le=10.0,
     )  # fmt: skip
-    quantum_position: float = parameter(0.0, "step of each joint position; 0 = none", unit="rad", ge=0.0, le=0.1)
+    quantum_position: float = parameter(0.0, "step of each joint position; 0 = continuous", unit="rad", ge=0.0, le=0.1)
     velocity_filter_hz: float = parameter(
         0.0,
-        "corner of the first-order filter by which velocities come from differences of measured positions; 0: "
-        "velocities are measured on their own",
+        "corner frequency of the filter of a driver that differentiates positions; 0 = velocities are measured",
         unit="Hz",
         ge=0.0,
         le=1e5,
@@ -85,7 +83,7 @@ class JointSensorModel(ParameterModel):
 SlipInput = Literal["twist", "displacement", "flag"]
 SLIP_INPUT: Final[Any] = parameter(
     "twist",
-    "what the slip sensor reports. twist: slip velocity on `slip_velocity`; displacement: where the pad is on the "
+    "what the slip sensor reports. twist: slip velocity on `slip_velocity`; displacement: position of the pad on the "
     "object, on `slip_displacement`; flag: whether it slips, on `slip_flag`",
 )
 
@@ -93,7 +91,7 @@ SLIP_INPUT: Final[Any] = parameter(
 class SlipSensorModel(ParameterModel):
     """Slip velocity sensor: what is known of it; the launcher fills it from the sensor's preset."""
 
-    rate_hz: float = parameter(0.0, "measuring rate; 0 measures at every control cycle", unit="Hz", ge=0.0)
+    rate_hz: float = parameter(0.0, "measuring rate; 0 = every control cycle", unit="Hz", ge=0.0)
     latency_s: float = parameter(0.0, "time from measurement to arrival", unit="s", ge=0.0)
     noise_linear: float = parameter(
         0.0, "standard deviation of each linear axis that can slip", unit="m/s", ge=0.0, le=0.1
@@ -101,7 +99,7 @@ class SlipSensorModel(ParameterModel):
     noise_angular: float = parameter(
         0.0, "standard deviation of each angular axis that can slip", unit="rad/s", ge=0.0, le=10.0
     )
-    quantum_linear: float = parameter(0.0, "step of the linear readings", unit="m/s", ge=0.0)
+    quantum_linear: float = parameter(0.0, "step of the linear readings; 0 = continuous", unit="m/s", ge=0.0)
     dead_band_linear: float = parameter(0.0, "linear speed below which the sensor reads zero", unit="m/s", ge=0.0)
     dead_band_angular: float = parameter(0.0, "angular speed below which the sensor reads zero", unit="rad/s", ge=0.0)
 
@@ -122,9 +120,7 @@ class GripperModel(ParameterModel):
     """A gripper whose force follows a command."""
 
     control: Literal["fixed", "follow"] = parameter(
-        "fixed", "fixed: the grip stays as it is; follow: the controller commands it on `grip_command`"
+        "fixed", "fixed: the grip force is constant; follow: the controller commands it on `grip_command`"
     )
-    lag_s: float = parameter(
-        0.0, "time constant with which the grip force follows its command; 0 = at once", unit="s", ge=0.0
-    )
-    least_force: float = parameter(0.0, "least force that the gripper can hold with", unit="N", ge=0.0)
+    lag_s: float = parameter(0.0, "time constant of the grip force; 0 = at once", unit="s", ge=0.0)
+    least_force: float = parameter(0.0, "smallest force that the gripper can hold", unit="N", ge=0.0)

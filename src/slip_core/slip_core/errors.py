@@ -33,7 +33,7 @@ class InputError(SlipVicError):
 
     Args:
         what: the thing that is wrong, e.g. ``parameter gains.k_s``.
-        got: the value or state that was found, or what the system says of it.
+        got: the value or state that was found, or the system's message.
         expected: what is allowed.
         fix: what to do about it; may be empty where `expected` says it all.
     """
@@ -92,7 +92,7 @@ def require_extra(package: str, what: str, extra: str) -> None:
 
 
 class ProtocolError(SlipVicError):
-    """A peer did not do its part: a missing process, a message that never came, an incompatible QoS."""
+    """A peer failed: a missing process, a message that never arrived, an incompatible QoS."""
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
@@ -101,7 +101,7 @@ def nearest(name: str, known: Iterable[str]) -> str:
     close = difflib.get_close_matches(name, known, cutoff=0.5)
     if close:
         return f"did you mean {', '.join(close)}?"
-    return f"known: {', '.join(known)}"
+    return f"known: {', '.join(known) or 'none'}"
 
 
 def _short(value: object, limit: int = 120) -> str:

@@ -25,7 +25,7 @@ LARGEST = 1.0
 class ArmParams(ParameterModel):
     """The arm and where its hand is."""
 
-    robot_description: str = parameter("", "URDF text of the arm; empty reads robot_description_file")
+    robot_description: str = parameter("", "URDF text of the arm; empty: robot_description_file is read")
     robot_description_file: str = parameter(
         "package://slip_description/urdf/arm.urdf",
         "URDF or xacro file of the arm: a path or package://<package>/<path>",
@@ -34,7 +34,7 @@ class ArmParams(ParameterModel):
         tuple(f"arm_joint{i}" for i in range(1, 8)), "joints of the arm in the order of all joint vectors", min_length=1
     )
     ee_frame: str = parameter("ee", "link at the pad centre: x approach, z the pads' normal")
-    gravity: Three = parameter((0.0, 0.0, -9.81), "acceleration of free fall on world axes", unit="m/s2")
+    gravity: Three = parameter((0.0, 0.0, -9.81), "gravitational acceleration in the world frame", unit="m/s2")
 
     @model_validator(mode="after")
     def _joints_differ(self) -> Self:
@@ -71,14 +71,15 @@ class ContactParams(ParameterModel):
 
     position: tuple[float, ...] = parameter(
         (0.02, 0.0, 0.0),
-        "o_x_p: pad centre minus centre of mass on object axes when grasped, 3 numbers per contact",
+        "o_x_p: pad centre relative to the centre of mass at the grasp, on object axes; 3 numbers per contact",
         unit="m",
     )
     orientation_xyzw: tuple[float, ...] = parameter(
-        (0.0, 0.0, 0.0, 1.0), "o_R_p: pad frame on object axes when grasped, as unit quaternion, 4 numbers per contact"
+        (0.0, 0.0, 0.0, 1.0),
+        "o_R_p: orientation of the pad at the grasp, on object axes: a unit quaternion per contact",
     )
     slip_axes: tuple[bool, ...] = parameter(
-        (True,) * 6, "pad directions in which the contact can slip, 6 per contact; all true = the printed law"
+        (True,) * 6, "pad axes along, then about which the contact can slip, 6 per contact; all true = the printed law"
     )
 
     @property

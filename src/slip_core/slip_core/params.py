@@ -162,13 +162,9 @@ def parameter_infos(model: type[ParameterModel], prefix: str = "") -> Iterator[P
 
 
 @functools.cache
-def _names(model: type[ParameterModel]) -> frozenset[str]:
+def names_of(model: type[ParameterModel]) -> frozenset[str]:
+    """Return the dotted names of a model's parameters."""
     return frozenset(info.name for info in parameter_infos(model))
-
-
-def is_name(model: type[ParameterModel], name: str) -> bool:
-    """Whether `name` is a dotted name of the model."""
-    return name in _names(model)
 
 
 def flatten(model: ParameterModel) -> dict[str, Any]:
@@ -190,7 +186,7 @@ def build(model: type[Model], values: Mapping[str, object], origin: str) -> Mode
         InputError: unknown name (with the nearest known), wrong type, or a value out of range.
     """
     flat = flat_names(values)
-    known = _names(model)
+    known = names_of(model)
     for name in flat:
         if name not in known:
             raise UnknownName("parameter", name, known, where=origin)
@@ -208,7 +204,7 @@ def validate(model: type[Model], nested: Mapping[str, object], origin: str) -> M
     except ValidationError as error:
         # an unknown name first: a missing one is often the same, mistyped
         first = min(error.errors(), key=lambda one: one["type"] != "extra_forbidden")
-        name = ".".join(str(part) for part in first["loc"]) or "(all together)"
+        name = ".".join(str(part) for part in first["loc"]) or "values"
         message = first["msg"].removeprefix("Value error, ")
         if first["type"] == "extra_forbidden":
             raise UnknownName("name", name, model.model_fields, where=origin) from None
@@ -307,5 +303,5 @@ def parse_mapping(text: str, origin: str) -> dict[str, Any]:
         got = str(getattr(error, "problem", None) or error).replace("did not find expected", "no")
         raise InputError(where, got=got, expected="valid YAML") from None
     if not isinstance(content, dict):
-        raise InputError(origin, got=type(content).__name__, expected="a YAML mapping of names to values")
+        raise InputError(origin, got=text.strip()[:40] or "nothing", expected="a YAML mapping of names to values")
     return content

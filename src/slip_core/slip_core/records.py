@@ -15,8 +15,7 @@ record's. The compiler types a record by its dtype: annotations cost nothing the
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator
-from typing import Annotated, Any, Protocol, TypeVar, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numba import carray, types
@@ -26,7 +25,6 @@ from numpy.typing import ArrayLike, NDArray
 from slip_core.arrays import Array
 from slip_core.stamps import seconds_to_ns
 
-T = TypeVar("T")
 REAL, WHOLE = "f8", "i8"
 
 Real = Annotated[float, REAL]
@@ -35,27 +33,15 @@ WholeArray = NDArray[np.int64]
 Vec3 = Annotated[Array, 3]
 Vec6 = Annotated[Array, 6]
 Mat3 = Annotated[Array, (3, 3)]
-"""Fields that are arrays: the shape stands behind the type. Others: Annotated[Array, 7], Annotated[WholeArray, 7]."""
+"""Fields that are arrays: the shape follows the type. Others: Annotated[Array, 7], Annotated[WholeArray, 7]."""
+
+
+Records = list
+"""A field that is an array of records: `Annotated[Records[Slip], 4]`."""
 
 
 class Record:
     """Base of declared records. It has no instances: a record is a view of a buffer, which `record` returns."""
-
-
-class Records(Protocol[T]):
-    """A field that is an array of records: `Annotated[Records[Slip], 4]`."""
-
-    def __getitem__(self, index: int) -> T:
-        """Return one of them."""
-
-    def __setitem__(self, index: int, value: T) -> None:
-        """Write one of them, whole."""
-
-    def __len__(self) -> int:
-        """Return how many there are."""
-
-    def __iter__(self) -> Iterator[T]:
-        """Go through them."""
 
 
 class View(np.void):  # type: ignore[misc]  # numpy says final, and has np.record

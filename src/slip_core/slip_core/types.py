@@ -7,33 +7,23 @@ the time of measurement. 6-vectors are linear part first.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final, Literal, TypeVar, dataclass_transform, get_args
-
-import numpy as np
+from typing import Final, Literal, NamedTuple, TypeVar, dataclass_transform, get_args
 
 from slip_core.arrays import Array, readonly
 
-_FLOAT64 = np.dtype(np.float64)
 T = TypeVar("T")
 AXES: Final = ("x", "y", "z", "rx", "ry", "rz")
 """Names of the coordinates of a 6-vector."""
 
 
-def _frozen(values: Array) -> Array:
-    """Return a read-only array as it is, and anything else as a read-only copy."""
-    if type(values) is np.ndarray and values.dtype is _FLOAT64 and not values.flags.writeable:
-        return values
-    return readonly(values)
-
-
 @dataclass_transform(frozen_default=True)
 def sample(declared: type[T]) -> type[T]:
-    """Make a frozen dataclass with slots, whose constructor takes arrays as `_frozen` does."""
+    """Make a frozen dataclass with slots, whose arrays are `readonly`."""
     arrays = tuple(name for name, kind in declared.__annotations__.items() if kind == "Array")
 
     def freeze(self: T) -> None:
         for name in arrays:
-            object.__setattr__(self, name, _frozen(getattr(self, name)))
+            object.__setattr__(self, name, readonly(getattr(self, name)))
 
     declared.__post_init__ = freeze  # type: ignore[attr-defined]
     return dataclass(frozen=True, slots=True)(declared)
@@ -95,6 +85,15 @@ class CartesianReference:
     stamp_ns: int = 0
 
 
+class PadMotion(NamedTuple):
+    """The pad at one time {w}: position (3,) [m], rotation (3, 3), twist (6,) and acceleration (6,), linear first."""
+
+    position: Array
+    rotation: Array
+    twist: Array
+    acceleration: Array
+
+
 @sample
 class PoseGoal:
     """Where {ee} shall come to rest: position (3,) [m], rotation (3, 3), {w}; duration [s] that is asked for."""
@@ -117,17 +116,17 @@ class JointCommand:
     interface: CommandInterface = "effort"
 
 
-@sample
-class ObjectTruth:
-    """Ground truth of the grasp: object pose and twist {w}, slip s and v_s on pad axes.
+@dataclass(frozen=True, slots=True)
+class Incident:
+    """What makes a run one that went wrong, although no program failed: when, in its own time [s]; one line of text.
 
-    position (3,) [m] of the COM {w}; rotation (3, 3) {o} to {w}; twist (6,) of the COM {w};
-    slip_displacement (6,) [m, rad] of {ee} relative to {p} on {p} axes; slip_velocity (6,) {ee} axes.
+    kind: lost, the object left the pads; fault, the controller gave up; unreachable, the path cannot be followed;
+    saturated, the arm cannot do what is asked.
     """
 
-    stamp_ns: int
-    position: Array
-    rotation: Array
-    twist: Array
-    slip_displacement: Array
-    slip_velocity: Array
+    kind: str
+    time_s: float
+    text: str
+
+    def __str__(self) -> str:
+        return f"{self.kind.upper()} at {self.time_s:.3f} s: {self.text}"

@@ -1,7 +1,8 @@
 """Vectors, matrices and spatial vectors with operators: one definition that Python runs and the compiler compiles.
 
 `a + b`, `a - b`, `-a`, `k * a`, `a * b` and `a / b` by components, `a.dot(b)`, `a.cross(b)`, `a.norm()`, `R @ a`,
-`A @ B`, `R.T()`. Arrays and records keep the numbers; `vec`, `mat` and `spatial` read them, `put` and `put_mat` write.
+`A @ B`, `R.T()`, `A.solve(b)` of a symmetric matrix. Arrays and records keep the numbers; `vec`, `mat` and `spatial`
+read them, `put` and `put_mat` write.
 """
 
 from __future__ import annotations
@@ -140,12 +141,6 @@ class Mat(NamedTuple):
     def __matmul__(self, other: Turned) -> Turned:
         return other.turned_by(self)
 
-    def __rmul__(self, k: float) -> Mat:  # type: ignore[override]
-        return Mat(k * self.x, k * self.y, k * self.z)
-
-    def __add__(self, other: Mat) -> Mat:  # type: ignore[override]
-        return Mat(self.x + other.x, self.y + other.y, self.z + other.z)
-
     def T(self) -> Mat:
         """Return the transpose."""
         return Mat(
@@ -208,6 +203,43 @@ class Spatial(NamedTuple):
         return Spatial(A @ self.linear, A @ self.angular)
 
 
+@algebra
+class Sym(NamedTuple):
+    """A symmetric matrix (3, 3): its upper triangle, by rows. `A @ v`, `k * A`, `A.solve(v)`."""
+
+    xx: float
+    xy: float
+    xz: float
+    yy: float
+    yz: float
+    zz: float
+
+    def __rmul__(self, k: float) -> Sym:  # type: ignore[override]
+        return Sym(k * self.xx, k * self.xy, k * self.xz, k * self.yy, k * self.yz, k * self.zz)
+
+    def __matmul__(self, v: Vec) -> Vec:
+        return Vec(
+            self.xx * v.x + self.xy * v.y + self.xz * v.z,
+            self.xy * v.x + self.yy * v.y + self.yz * v.z,
+            self.xz * v.x + self.yz * v.y + self.zz * v.z,
+        )
+
+    def solve(self, right: Vec) -> Vec:
+        """Return x with self x = right, by cofactors; the matrices here are positive definite."""
+        cxx = self.yy * self.zz - self.yz * self.yz
+        cxy = self.xz * self.yz - self.xy * self.zz
+        cxz = self.xy * self.yz - self.xz * self.yy
+        cyy = self.xx * self.zz - self.xz * self.xz
+        cyz = self.xy * self.xz - self.xx * self.yz
+        czz = self.xx * self.yy - self.xy * self.xy
+        k = 1.0 / (self.xx * cxx + self.xy * cxy + self.xz * cxz)
+        return k * Vec(
+            cxx * right.x + cxy * right.y + cxz * right.z,
+            cxy * right.x + cyy * right.y + cyz * right.z,
+            cxz * right.x + cyz * right.y + czz * right.z,
+        )
+
+
 ZERO = Vec(0.0, 0.0, 0.0)
 IDENTITY = Mat(Vec(1.0, 0.0, 0.0), Vec(0.0, 1.0, 0.0), Vec(0.0, 0.0, 1.0))
 NOTHING = Spatial(ZERO, ZERO)
@@ -265,3 +297,29 @@ def quaternion(R: Mat) -> tuple[Vec, float]:
     elif zz >= trace:
         v, w = Vec(R.z.x + R.x.z, R.z.y + R.y.z, 1.0 + 2.0 * zz - trace), R.y.x - R.x.y
     return (-v, -w) if w < 0.0 else (v, w)
+
+
+@part
+def symmetric(A: Mat) -> Sym:
+    """Return a matrix that is symmetric; its upper triangle counts."""
+    return Sym(A.x.x, A.x.y, A.x.z, A.y.y, A.y.z, A.z.z)
+
+
+@part
+def with_diagonal(d: float, A: Sym) -> Sym:
+    """Return d I + A."""
+    return Sym(d + A.xx, A.xy, A.xz, d + A.yy, A.yz, d + A.zz)
+
+
+@part
+def largest_eigenvalue(A: Sym) -> float:
+    """Return the largest eigenvalue: trigonometric solution of the characteristic cubic."""
+    mean = (A.xx + A.yy + A.zz) / 3.0
+    a, b, c = A.xx - mean, A.yy - mean, A.zz - mean
+    spread = math.sqrt((a * a + b * b + c * c + 2.0 * (A.xy * A.xy + A.xz * A.xz + A.yz * A.yz)) / 6.0)
+    if spread <= 1e-14 * abs(mean):
+        return mean
+    half_det = (a * (b * c - A.yz * A.yz) - A.xy * (A.xy * c - A.yz * A.xz) + A.xz * (A.xy * A.yz - b * A.xz)) / (
+        2.0 * spread * spread * spread
+    )
+    return mean + 2.0 * spread * math.cos(math.acos(max(-1.0, min(1.0, half_det))) / 3.0)

@@ -1,1 +1,1 @@
-"""What the nodes share with ROS: QoS, values to and from messages, CDR codec, executor, node start."""
+"""What the nodes share with ROS: QoS, values to and from messages, executor, node start."""

@@ -31,16 +31,6 @@ def wake_all() -> None:
         spinner.enough()
 
 
-def _tell_of_a_drop(error: Exception) -> None:
-    """Report what the executor raises where it takes or answers a message, without which it can continue.
-
-    There is no memory for it, or what it was for has been destroyed while it was handled, by a transition for instance.
-    """
-    with suppress(MemoryError):
-        why = "no memory is left for it" if isinstance(error, MemoryError) else "what it was for has just been removed"
-        get_logger(__name__).error(f"a message was dropped: {why}", throttle_duration_sec=1.0)
-
-
 class Spinner:
     """Runs the callbacks of an executor's nodes.
 
@@ -54,7 +44,7 @@ class Spinner:
         _spinners.add(self)
 
     def spin_while(self, node: Node, goes_on: Callable[[], bool], every_s: float) -> None:
-        """Run callbacks for as long as `goes_on` says so, which is asked so often, and after `enough`."""
+        """Run callbacks while `goes_on` is true, which is checked at this period and after `enough`."""
 
         def look() -> None:
             if not goes_on():
@@ -70,17 +60,24 @@ class Spinner:
     def spin(self, timeout_s: float) -> None:
         """Run callbacks until `enough` is called from one of them, or for `timeout_s`."""
         self._enough = Future()
-        try:
-            self._executor.spin_until_future_complete(self._enough, timeout_sec=timeout_s)
-        except (MemoryError, InvalidHandle) as error:
-            _tell_of_a_drop(error)
+        self._run(self._executor.spin_until_future_complete, self._enough, timeout_sec=timeout_s)
 
     def turn(self, timeout_s: float) -> None:
         """Run the next callback, if there is one within `timeout_s`; for what is done in every tick."""
+        self._run(self._executor.spin_once, timeout_sec=timeout_s)
+
+    @staticmethod
+    def _run(call: Callable[..., object], *arguments: object, **options: object) -> None:
+        """Let the executor run; without a message that it cannot take or answer it continues.
+
+        There is no memory for it, or what it was for has been destroyed while it was handled, by a transition.
+        """
         try:
-            self._executor.spin_once(timeout_sec=timeout_s)
+            call(*arguments, **options)
         except (MemoryError, InvalidHandle) as error:
-            _tell_of_a_drop(error)
+            with suppress(MemoryError):
+                why = "no memory is left" if isinstance(error, MemoryError) else "what it was for has just been removed"
+                get_logger(__name__).error(f"a message was dropped: {why}", throttle_duration_sec=1.0)
 
     def enough(self) -> None:
         """End the present `spin` after this callback."""

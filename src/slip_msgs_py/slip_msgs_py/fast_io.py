@@ -1,30 +1,43 @@
-"""Sending and receiving a tick's messages as bytes, through codecs that are proved against the typed code.
+"""Sending a tick's messages as bytes, and receiving: good messages become samples, others are refused and counted.
 
-One code path for lockstep and real time. A sender makes its codec at start. A receiver reads its first message
-with the typed decoder, checks it, and from then on takes only the numbers out of messages of the same form; a
-message of any other form goes the slow way and is checked again.
+rclpy's typed code takes 10 us to build a message and 12 us to serialise it; numbers put into bytes that it has written
+once take 4. What is received is read with the typed code, 27 us a joint state.
 """
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable, Sequence
-from typing import Any, Final, Generic, TypeVar
+from typing import Any, Final, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from rclpy.publisher import Publisher
-from rclpy.serialization import deserialize_message
+from rclpy.serialization import deserialize_message, serialize_message
 from rclpy.subscription import Subscription
+from rosidl_parser.definition import AbstractNestedType, AbstractString, AbstractType, Array, NamespacedType
 
 from slip_core.errors import InputError
-from slip_core.stamps import NS_PER_S
+from slip_core.stamps import split_ns
 from slip_core.topics import topic
-from slip_msgs_py.messages.cdr import CdrCodec, numbers_at
-from slip_msgs_py.messages.forms import Form
+from slip_msgs_py.messages.to_msgs import Form
 from slip_msgs_py.qos import NodeLike, create_publisher, create_subscription, message_class
 
 Sample = TypeVar("Sample")
-_MOST_FORMS: Final = 16  # forms a receiver learns; a publisher that changes form all the time is read the slow way
+_STAMP: Final = struct.Struct("<iI")
+_PROBE_NS: Final = 12_345_678_901_234_567
+_HEADER: Final = 4
+"""Bytes before the first field of a message in CDR."""
+_SIZES: Final = {"double": 8, "int64": 8, "uint64": 8, "float": 4, "int32": 4, "uint32": 4, "int16": 2, "uint16": 2}
+_PROBE: Final = 1 << 40  # numbers and stamp that stand nowhere else in a message
+
+
+class _Layout(NamedTuple):
+    """A message in CDR, and where its stamp and its numbers lie."""
+
+    data: bytes
+    stamp_at: int
+    starts: list[int]
 
 
 class Sender:
@@ -39,80 +52,63 @@ class Sender:
         self.publisher = publisher
         self._publish = publisher.handle.publish_raw  # rclpy's own `publish` adds twice the time of this
         self._form = form
-        self._codecs = {form.sizes: self._codec(form.sizes)}
+        self._dtype = np.dtype(form.dtype)
+        self._layouts: dict[tuple[int, ...], _Layout] = {}
 
-    def _codec(self, sizes: tuple[int, ...]) -> CdrCodec:
-        template = self._form.message(0, *([0] * size for size in sizes))
-        return CdrCodec(template, self._form.fields, self._form.stamp)
+    def _lay_out(self, sizes: tuple[int, ...]) -> _Layout:
+        """Let rclpy write numbers that occur nowhere else in the message, and find them."""
+        probes = [_PROBE * (k + 1) + np.arange(size, dtype=self._dtype) for k, size in enumerate(sizes)]
+        data = serialized(self._form.message(_PROBE_NS, *probes))
+        stamp_at = data.index(_STAMP.pack(*split_ns(_PROBE_NS))) if self._form.stamp else 0
+        return _Layout(data, stamp_at, [data.index(probe.tobytes()) for probe in probes])
 
     def encode(self, stamp_ns: int, *numbers: Sequence[float] | NDArray[Any]) -> bytes:
         """Return the message's bytes; one array of numbers per field of the form."""
-        sizes = tuple(map(len, numbers))
-        if sizes not in self._codecs:  # other sizes than usual, e.g. no effort
-            self._codecs[sizes] = self._codec(sizes)
-        return self._codecs[sizes].encode(stamp_ns, *numbers)
+        arrays = [np.asarray(values, self._dtype) for values in numbers]
+        sizes = tuple(map(len, arrays))
+        layout = self._layouts.get(sizes) or self._layouts.setdefault(sizes, self._lay_out(sizes))
+        data = bytearray(layout.data)
+        if self._form.stamp:
+            _STAMP.pack_into(data, layout.stamp_at, *split_ns(stamp_ns))
+        for start, values in zip(layout.starts, arrays, strict=True):
+            data[start : start + values.nbytes] = values.tobytes()
+        return bytes(data)
 
     def send(self, stamp_ns: int, *numbers: Sequence[float] | NDArray[Any]) -> None:
         """Publish; one array of numbers per field of the form."""
         self._publish(self.encode(stamp_ns, *numbers))
 
 
-def create_sender(node: NodeLike, name: str, form: Form, *, events: bool = True) -> Sender:
-    """Create the publisher of a topic of the table and what sends through it; arguments as in `create_publisher`."""
-    return Sender(create_publisher(node, name, events=events), form)
+def serialized(message: Any) -> bytes:
+    """Return a message in CDR, zeros where bytes align its fields; rclpy leaves there and behind it what memory had."""
+    data = bytearray(serialize_message(message))
+
+    def align(at: int, size: int) -> int:
+        start = at + -at % size
+        data[_HEADER + at : _HEADER + start] = bytes(start - at)
+        return start
+
+    def end(at: int, value: Any, kind: AbstractType) -> int:
+        if isinstance(kind, NamespacedType):
+            for name, slot in zip(value.get_fields_and_field_types(), value.SLOT_TYPES, strict=True):
+                at = end(at, getattr(value, name), slot)
+            return at
+        if isinstance(kind, AbstractNestedType):
+            at = at if isinstance(kind, Array) else align(at, 4) + 4
+            for one in value:
+                at = end(at, one, kind.value_type)
+            return at
+        if isinstance(kind, AbstractString):
+            return align(at, 4) + 4 + len(value.encode()) + 1
+        size = _SIZES.get(kind.typename, 1)
+        return align(at, size) + size
+
+    return bytes(data[: _HEADER + end(0, message, NamespacedType([], ""))])
 
 
-class Receiver(Generic[Sample]):
-    """Turns raw messages of one topic into samples.
-
-    Args:
-        type_name: ``pkg/msg/Type``.
-        fields: paths of the numbers that the sample is made of.
-        learn: checks a typed message and returns what makes samples, (stamp_ns, *numbers) -> sample, of all
-            messages that differ from it in their numbers only. Raises InputError where it is not acceptable.
-        stamp: path of the stamp; empty where the message has none.
-    """
-
-    def __init__(
-        self,
-        type_name: str,
-        fields: tuple[str, ...],
-        learn: Callable[[Any], Callable[..., Sample]],
-        stamp: str = "header.stamp",
-    ) -> None:
-        self._class = message_class(type_name)
-        self._fields, self._stamp, self._learn = fields, stamp, learn
-        self._known: dict[int, tuple[CdrCodec, Callable[..., Sample]]] = {}
-        self._left = _MOST_FORMS
-
-    def __call__(self, data: bytes) -> Sample:
-        """Return the sample of one message.
-
-        Raises:
-            InputError: not a message of this type, or one that is not acceptable.
-        """
-        known = self._known.get(len(data))
-        if known is not None:
-            codec, make = known
-            read = codec.decode(data)
-            if read is not None:
-                return make(read[0], *read[1])
-        return self._slowly(data)
-
-    def _slowly(self, data: bytes) -> Sample:
-        try:
-            message = deserialize_message(data, self._class)
-        except RuntimeError:
-            name = self._class.__name__
-            raise InputError("message", got=f"{len(data)} bytes that are no {name}", expected=name) from None
-        sec, nanosec = numbers_at(message, self._stamp) if self._stamp else (0, 0)
-        if nanosec >= NS_PER_S:
-            raise InputError("stamp", got=f"{nanosec} nanoseconds", expected="less than a second of them")
-        make = self._learn(message)
-        if self._left > 0:
-            self._left -= 1
-            self._known[len(data)] = CdrCodec(message, self._fields, self._stamp), make
-        return make(sec * NS_PER_S + nanosec, *(np.array(numbers_at(message, path)) for path in self._fields))
+def create_sender(node: NodeLike, name: str, form: Form) -> Sender:
+    """Create the publisher of a topic of the table and what sends through it."""
+    return Sender(create_publisher(node, name), form)
 
 
 class Refusals:
@@ -142,29 +138,42 @@ class Refusals:
         return self._last.get(name, "")
 
 
+def typed(data: bytes, kind: type) -> Any:
+    """Return the message of a class in these bytes.
+
+    Raises:
+        InputError: they are none.
+    """
+    try:
+        return deserialize_message(data, kind)
+    except RuntimeError:
+        name = kind.__name__
+        raise InputError("message", got=f"{len(data)} bytes that are no {name}", expected=name) from None
+
+
 def create_receiver(
     node: NodeLike,
     name: str,
-    fields: tuple[str, ...],
-    learn: Callable[[Any], Callable[..., Sample]],
+    read: Callable[[Any], Sample],
     deliver: Callable[[Sample], None],
     refusals: Refusals,
     *,
     depth: int,
     reliable: bool,
-    stamp: str = "header.stamp",
-    actual_name: str | None = None,
 ) -> Subscription:
-    """Subscribe raw to a topic of the table: good messages are delivered as samples, others counted as refused."""
-    receiver = Receiver(topic(name).type, fields, learn, stamp)
-    shown = actual_name or name
+    """Subscribe to a topic of the table: good messages are delivered as samples, others counted as refused.
+
+    read: makes a sample of a message; raises InputError where it is not acceptable. Messages are taken as bytes, so
+    that bytes that are not a message are counted too: rclpy drops them silently.
+    """
+    kind = message_class(topic(name).type)
 
     def take(data: bytes) -> None:
         try:
-            sample = receiver(data)
+            sample = read(typed(data, kind))
         except InputError as error:
-            refusals.add(shown, error)
+            refusals.add(name, error)
         else:
             deliver(sample)
 
-    return create_subscription(node, name, take, depth=depth, reliable=reliable, actual_name=actual_name, raw=True)
+    return create_subscription(node, name, take, depth=depth, reliable=reliable, raw=True)

@@ -1,16 +1,16 @@
-"""QoS profiles made from the topic table."""
+"""QoS profiles made from the topic table, and endpoints that are matched on both sides before the first message."""
 
 from __future__ import annotations
 
 import importlib
 import re
-from collections.abc import Callable
-from typing import Any, TypeAlias
+from collections.abc import Callable, Iterable
+from typing import Any, Final, TypeAlias
 
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSCompatibility, QoSProfile, ReliabilityPolicy, qos_check_compatible
 from rclpy.subscription import Subscription
 
 from slip_core.errors import InputError
@@ -18,6 +18,7 @@ from slip_core.topics import topic
 from slip_msgs_py.node_shell import NodePart
 
 NodeLike: TypeAlias = Node | NodePart
+SAID_AGAIN_S: Final = 10.0  # between two lines that say what a node waits for
 
 
 def message_class(type_name: str) -> Any:
@@ -44,16 +45,15 @@ def profile(depth: int, *, reliable: bool, latched: bool) -> QoSProfile:
     )
 
 
-def create_publisher(node: NodeLike, name: str, *, actual_name: str | None = None, events: bool = True) -> Publisher:
-    """Create the publisher of a topic of the table, under another name where one contact of many needs it.
+def create_publisher(node: NodeLike, name: str) -> Publisher:
+    """Create the publisher of a topic of the table.
 
-    Without `events` rclpy warns of no incompatible subscriber, and a destroyed publisher is gone at once: an executor
-    keeps the events, and with them the publisher, until its next round.
+    It has no events: an executor keeps them, and with them a destroyed publisher, until its next round.
     """
     row = topic(name)
-    callbacks = PublisherEventCallbacks(use_default_callbacks=events)
     qos = profile(1 if row.latched else row.depth, reliable=True, latched=row.latched)
-    return node.create_publisher(message_class(row.type), actual_name or name, qos, event_callbacks=callbacks)
+    silent = PublisherEventCallbacks(use_default_callbacks=False)
+    return node.create_publisher(message_class(row.type), name, qos, event_callbacks=silent)
 
 
 def create_subscription(
@@ -63,7 +63,6 @@ def create_subscription(
     *,
     depth: int,
     reliable: bool,
-    actual_name: str | None = None,
     raw: bool = False,
 ) -> Subscription:
     """Create a subscription to a topic of the table; a raw one hands over bytes.
@@ -73,4 +72,35 @@ def create_subscription(
     """
     row = topic(name)
     qos = profile(1 if row.latched else depth, reliable=reliable or row.latched, latched=row.latched)
-    return node.create_subscription(message_class(row.type), actual_name or name, callback, qos, raw=raw)
+    return node.create_subscription(message_class(row.type), name, callback, qos, raw=raw)
+
+
+def missing_endpoints(
+    node: Node, publishers: Iterable[tuple[Publisher, int]], subscriptions: Iterable[Subscription]
+) -> list[str]:
+    """Return one phrase per endpoint of a node that is not matched yet.
+
+    Args:
+        node: the node that owns them.
+        publishers: (publisher, least number of subscribers).
+        subscriptions: subscriptions that each need at least one publisher.
+    """
+    phrases = [
+        f"{subscription.topic_name} has no {_adjective(node, subscription)}publisher"
+        for subscription in subscriptions
+        if subscription.get_publisher_count() < 1
+    ]
+    for publisher, least in publishers:
+        count = publisher.get_subscription_count()
+        if count < least:
+            phrases.append(f"{publisher.topic_name} has {count} of {least} subscribers")
+    return phrases
+
+
+def _adjective(node: Node, subscription: Subscription) -> str:
+    """Return what is wrong with publishers that are there but do not match: their QoS."""
+    for info in node.get_publishers_info_by_topic(subscription.topic_name):
+        verdict, reason = qos_check_compatible(info.qos_profile, subscription.qos_profile)
+        if verdict == QoSCompatibility.ERROR:
+            return f"QoS-compatible ({' '.join(reason.split()).rstrip(';')}) "
+    return ""

@@ -126,22 +126,6 @@ def ending(on_signal: Callable[[int], Any]) -> Iterator[None]:
         os.close(hear)
 
 
-def ending_at_once(exit_code: int, line: str = "") -> contextlib.AbstractContextManager[None]:
-    """End the process inside the block as soon as a signal requests it: nothing is there yet that must be closed.
-
-    Args:
-        exit_code: of the process.
-        line: for stderr; empty says nothing.
-    """
-
-    def end(_number: int) -> None:
-        if line:
-            os.write(sys.stderr.fileno(), f"{line}\n".encode())
-        os._exit(exit_code)
-
-    return ending(end)
-
-
 def end_with(parent: int) -> None:
     """End this process as soon as its parent ends, whose process id this is."""
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)

@@ -10,7 +10,7 @@ from numba import carray
 
 from slip_core.arrays import Array
 from slip_core.records import POSE
-from slip_vic_controller.contact.layouts import ROW_SIZE
+from slip_vic_controller.contact.observer import ROW_SIZE
 from slip_vic_controller.cycle.cycle import cycle, describe
 from slip_vic_controller.law.arm import ARM, gather
 from slip_vic_controller.law.symbols import SYMBOLS

@@ -11,11 +11,20 @@ from typing import Any, get_args, get_origin, get_type_hints
 
 from slip_core.records import WHOLE, Record, Records, dtype_of
 from slip_native.functions import FUNCTIONS
-from slip_vic_controller.contact.layouts import Row
+from slip_vic_controller.contact.observer import Row
 from slip_vic_controller.law.symbols import SYMBOLS, Symbols
 from slip_vic_controller.path.goals import GoalPhase, Refusal
-from slip_vic_controller.safety.conditions import MISSING, MISTAKES, REASONS, SENSORS, Missing, Prefix, Reason
-from slip_vic_controller.safety.modes import Mode, Request
+from slip_vic_controller.safety.conditions import (
+    MISSING,
+    MISTAKES,
+    REASONS,
+    SENSORS,
+    Missing,
+    Mode,
+    Prefix,
+    Reason,
+    Request,
+)
 from slip_vic_controller.state import GOVERNED, ArmState, ControllerConfig, CycleInputs, CycleOutputs, TaskState
 
 RECORDS = (ControllerConfig, TaskState, ArmState, Row, CycleInputs, CycleOutputs, Symbols)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from slip_msgs_py.node_entry import main_of
+from slip_msgs_py.node_main import main_of
 
 ABOUT = """The simulation: one arm or several that hold an object, with their sensors, on ROS topics.
 It waits until the controller is ready."""

@@ -5,6 +5,7 @@ A thin shell around `slip_sim_bridge.session`: topics, clock, lockstep and pacin
 
 from __future__ import annotations
 
+import math
 import time
 from collections import deque
 from collections.abc import Callable
@@ -12,6 +13,7 @@ from dataclasses import asdict
 from functools import partial
 from typing import Any
 
+import numpy as np
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from std_srvs.srv import Trigger
@@ -20,22 +22,16 @@ from slip_core.arms import by_arm, prefix_of
 from slip_core.errors import InputError, ProtocolError
 from slip_core.files.urdf import on_base
 from slip_core.files.urdf_file import arm_urdf
-from slip_core.incidents import Incident
 from slip_core.stamps import split_ns
-from slip_core.timing import spread
-from slip_core.types import JointCommand
-from slip_msgs_py.endpoint_matching import Waiting, missing_endpoints
-from slip_msgs_py.events import emit
+from slip_core.types import Incident, JointCommand
+from slip_msgs_py.environment import emit
 from slip_msgs_py.executor import Spinner
 from slip_msgs_py.fast_io import Refusals, create_sender
-from slip_msgs_py.messages import forms, to_msgs
-from slip_msgs_py.node_shell import Failures, GuardedNode
-from slip_msgs_py.qos import create_publisher, create_subscription
-from slip_msgs_py.realtime import set_up_process
+from slip_msgs_py.messages import to_msgs
+from slip_msgs_py.node_shell import GuardedNode, set_up_process
+from slip_msgs_py.qos import SAID_AGAIN_S, create_publisher, create_subscription, missing_endpoints
 from slip_msgs_py.ros_params import OWN_TIME, allow_changes, declare_arms
-from slip_sim_bridge import pacing
 from slip_sim_bridge.arm_topics import ArmTopics
-from slip_sim_bridge.internal import internal_wrenches
 from slip_sim_bridge.pacing import Pacer
 from slip_sim_bridge.params import BridgeParams, object_urdf
 from slip_sim_bridge.session import BridgeSession, TickOutputs
@@ -44,7 +40,6 @@ PROGRESS_EVERY_S = 0.1
 STOP_CHECK_S = 0.03
 FIRST_TICK_S = 0.05  # real time: how long the first state waits for its command before it is sent again
 LATENCIES_KEPT = 100_000
-LATENCY = pacing.SCALARS.index("latency_s")
 
 
 class SlipSimBridge(GuardedNode, Node):
@@ -54,7 +49,7 @@ class SlipSimBridge(GuardedNode, Node):
     A tick that fails ends the run; a callback that fails is reported, and the run ends with its failure.
     """
 
-    def __init__(self, executor: Any = None) -> None:
+    def __init__(self) -> None:
         super().__init__(
             "slip_sim_bridge", automatically_declare_parameters_from_overrides=True, parameter_overrides=[*OWN_TIME]
         )
@@ -65,15 +60,15 @@ class SlipSimBridge(GuardedNode, Node):
         self._common = next(iter(self._params.values()))
         self._lockstep = self._common.mode == "lockstep"
         self._stamp_ns = -1
+        self._outputs: TickOutputs
         self._over = False
         self._failure: Exception | None = None
-        self._failures = Failures(self.get_logger().error)
         self._pacer: Pacer | None = None
         self._latencies = deque[float](maxlen=LATENCIES_KEPT)
         self._refusals = Refusals(self.get_logger().error)
         self._lost: Incident | None = None
         self._controller_ready = False
-        self._executor = executor or EventsExecutor()
+        self._executor = EventsExecutor()
         self._spinner = Spinner(self._executor)
         for note in self.session.simulation.notes:
             self.get_logger().warning(note)
@@ -90,16 +85,13 @@ class SlipSimBridge(GuardedNode, Node):
         self._arms = tuple(
             ArmTopics(
                 self, prefix_of(name), arm, placed[name], self._refusals, partial(self._on_command, index),
-                partial(self._on_grip_force, index), partial(self._on_grip_command, index),
+                partial(self._on_grip_command, index),
             )
             for index, (name, arm) in enumerate(self._params.items())
         )  # fmt: skip
-        self._send_object = create_sender(self, "object_state", forms.odometry())
-        self._send_clock = create_sender(self, "/clock", forms.clock())
-        tick = forms.whole_numbers(3 + 2 * len(self._arms))
-        self._send_tick = create_sender(self, "lockstep_tick", tick) if self._lockstep else None
-        timing = forms.scalars(pacing.SCALARS)
-        self._send_timing = None if self._lockstep else create_sender(self, "bridge/timing", timing)
+        self._send_object = create_sender(self, "object_state", to_msgs.ODOMETRY)
+        self._send_clock = create_sender(self, "/clock", to_msgs.CLOCK)
+        self._send_tick = create_sender(self, "lockstep_tick", to_msgs.WHOLE_NUMBERS) if self._lockstep else None
         self._pub_object = create_publisher(self, "object_description")
         self._pub_object.publish(to_msgs.string(object_urdf(common)))
         self._commands: list[JointCommand | None] = [None] * len(self._arms)
@@ -109,7 +101,7 @@ class SlipSimBridge(GuardedNode, Node):
 
     def on_failure(self, what: str, error: Exception) -> None:
         """Say once of each kind what failed, and continue; where commands stay away for that, the arm is held."""
-        self._failures.add(what, error)
+        self.report_failure(what, error)
         self._failure = self._failure or error
 
     # -- callbacks ---------------------------------------------------------------------------------
@@ -127,14 +119,11 @@ class SlipSimBridge(GuardedNode, Node):
         elif self._pacer is not None and len(command.numbers) and self._answered():
             self._pacer.answered(time.monotonic())
 
-    def _on_grip_force(self, arm: int, message: Any) -> None:
+    def _on_grip_command(self, arm: int, message: Any) -> None:
         try:
             self.session.simulation.set_grip_force(arm, float(message.data))
         except InputError as error:
-            self._refusals.add("grip_force", error)
-
-    def _on_grip_command(self, arm: int, message: Any) -> None:
-        self._on_grip_force(arm, message)
+            self._refusals.add("grip_command", error)
         self._grips[arm] += 1
         if self._lockstep:
             self._finish_if_answered()
@@ -166,7 +155,6 @@ class SlipSimBridge(GuardedNode, Node):
         if not self._wait_for_peers(should_stop):
             return
         set_up_process()
-        emit("started")
         self.get_logger().info("matched: time runs")
         self._started_wall = time.monotonic()
         self._progress_wall = 0.0
@@ -186,11 +174,15 @@ class SlipSimBridge(GuardedNode, Node):
         """Return how a real-time run went, for the launcher."""
         if self._pacer is None:
             return {}
-        latencies = spread(self._latencies)
+        measured = [latency for latency in self._latencies if math.isfinite(latency)] or [math.nan]
+        p50, p99, p999, most = np.percentile(measured, (50.0, 99.0, 99.9, 100.0)).tolist()
         return {
             "fresh_share": self._pacer.fresh_share,
             "overruns": self._pacer.overruns,
-            **{f"latency_{key}_s": value for key, value in latencies.items()},
+            "latency_p50_s": p50,
+            "latency_p99_s": p99,
+            "latency_p999_s": p999,
+            "latency_max_s": most,
         }
 
     def _wait_for_peers(self, should_stop: Callable[[], bool]) -> bool:
@@ -203,12 +195,12 @@ class SlipSimBridge(GuardedNode, Node):
         self.get_logger().info(f"started in {self._common.mode}" + ", waits for the controller" * bool(subscribers))
         if not self._lockstep and not subscribers:
             return True
-        waiting, timeout_s = Waiting(self.get_logger().info), self._common.peer_timeout_s
+        timeout_s = self._common.peer_timeout_s
         deadline = time.monotonic() + timeout_s
         while lacking := [*["controller is not ready"] * (subscribers and not self._controller_ready), *missing()]:
             if should_stop():
                 return False
-            waiting.tell("; ".join(lacking))
+            self.get_logger().info(f"waits: {'; '.join(lacking)}", throttle_duration_sec=SAID_AGAIN_S)
             if time.monotonic() > deadline:
                 raise ProtocolError(f"waited {timeout_s:g} s: {'; '.join(lacking)}")
             self._executor.spin_once(0.01)
@@ -275,24 +267,17 @@ class SlipSimBridge(GuardedNode, Node):
                 return
             if truth_is_due:
                 self._publish_truth(self._outputs)
-            numbers = pacer.end(clock())
-            self._latencies.append(numbers[LATENCY])
+            self._latencies.append(pacer.end(clock()))
             self.session.advance(self._commands)
             if self.session.finished:
                 return
-            self._show(pacer, numbers)
+            self._outputs = self.session.observe()
+            pacer.published(clock())
+            self._publish(self._outputs)
             self._report_progress()
 
-    def _show(self, pacer: Pacer, numbers: tuple[float, ...]) -> None:
-        """Measure and publish a tick that begins, and how the one before went."""
-        self._outputs = self.session.observe()
-        pacer.published(time.monotonic())
-        self._publish(self._outputs)
-        if self._send_timing is not None:
-            self._send_timing.send(self._outputs.stamp_ns, numbers)
-
     def _first_tick(self, should_stop: Callable[[], bool]) -> bool:
-        """Publish tick 0 with the present time until its command comes back: then everybody is warm and connected.
+        """Publish tick 0 with the present time until its command arrives: then all nodes are compiled and connected.
 
         Return whether the run is to continue.
         """
@@ -336,17 +321,13 @@ class SlipSimBridge(GuardedNode, Node):
         """Send what the controller does not wait for."""
         stamp_ns, truth = outputs.stamp_ns, outputs.truth
         self._send_clock.send(stamp_ns)
-        self._send_object.send(stamp_ns, *to_msgs.odometry_numbers(truth))
-        for arm, measured in zip(self._arms, outputs.arms, strict=True):
-            arm.publish_truth(stamp_ns, measured)
-        if len(self._arms) > 1:
-            readings = [arm.readings for arm in outputs.arms]
-            places, attitudes = zip(*(each.pad for each in readings), strict=True)
-            radius = self._common.friction.torsional_radius
-            wrenches = [each.wrench.wrench for each in readings]
-            parts = internal_wrenches(wrenches, places, attitudes, truth.position, radius)
-            for arm, part in zip(self._arms, parts, strict=True):
-                arm.publish_internal(stamp_ns, part)
+        self._send_object.send(
+            stamp_ns, *to_msgs.odometry_numbers(truth.object_position, truth.object_rotation, truth.object_twist)
+        )
+        radius, several = self._common.friction.torsional_radius, len(self._arms) > 1
+        internal = outputs.internal_wrenches(radius) if several else [None]
+        for arm, measured, part in zip(self._arms, outputs.arms, internal, strict=True):
+            arm.publish_truth(stamp_ns, measured, part)
 
     def _report_progress(self) -> None:
         now = time.monotonic()

@@ -1,4 +1,4 @@
-"""Real time for the bridge: absolute deadlines, what a tick owes and gets, and how it went, as numbers.
+"""Real time for the bridge: absolute deadlines, and what a tick owes and gets.
 
 A tick is due one period after the one before it, counted from the start, so that lateness never adds up. It ends
 when the next one is due and its command is there, and otherwise one period after it began, at least half a period
@@ -9,8 +9,6 @@ too long, and late ticks catch up at the controller's speed.
 from __future__ import annotations
 
 import math
-
-SCALARS = ("period_s", "lateness_s", "latency_s", "fresh", "fresh_share", "overruns", "real_time_factor")
 
 
 class Pacer:
@@ -25,8 +23,7 @@ class Pacer:
         self._period = period_s
         self._start = start_s
         self._began = self._published = start_s
-        self._lateness = 0.0
-        self.latency_s = math.nan
+        self._latency = math.nan
         self.ticks = self.fresh = self.overruns = 0
 
     def published(self, now_s: float) -> None:
@@ -36,12 +33,12 @@ class Pacer:
     def answered(self, now_s: float) -> None:
         """The command of this tick is there."""
         if not self.is_answered:
-            self.latency_s = now_s - self._published
+            self._latency = now_s - self._published
 
     @property
     def is_answered(self) -> bool:
         """Whether the command of this tick is there."""
-        return not math.isnan(self.latency_s)
+        return not math.isnan(self._latency)
 
     @property
     def fresh_share(self) -> float:
@@ -56,21 +53,10 @@ class Pacer:
             due = max(due, self._published + self._period - working)
         return due - now_s
 
-    def end(self, now_s: float) -> tuple[float, ...]:
-        """This tick is over and the next one begins; return this one's numbers in the order of `SCALARS`."""
+    def end(self, now_s: float) -> float:
+        """This tick is over and the next one begins; return from state to command [s], NaN without one in time."""
         self.ticks += 1
         self.fresh += self.is_answered
-        elapsed = now_s - self._start
-        numbers = (
-            now_s - self._began,
-            self._lateness,
-            self.latency_s,
-            float(self.is_answered),
-            self.fresh_share,
-            float(self.overruns),
-            self.ticks * self._period / elapsed if elapsed > 0.0 else math.nan,
-        )
-        self._began, self.latency_s = now_s, math.nan
-        self._lateness = elapsed - self.ticks * self._period
-        self.overruns += self._lateness >= self._period
-        return numbers
+        latency, self._began, self._latency = self._latency, now_s, math.nan
+        self.overruns += now_s - self._start - self.ticks * self._period >= self._period
+        return latency

@@ -6,14 +6,13 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from slip_core.device_params import SLIP_INPUT, GripperModel, SlipInput
+from slip_core.device_params import EACH, SLIP_INPUT, CommandInterface, DriveModel, GripperModel, NotNegative, SlipInput
 from slip_core.grasp_params import ArmParams, BaseParams, ContactParams, ObjectParams, Six
 from slip_core.params import ParameterModel, parameter
-from slip_sim_bridge.drives.params import DriveParams
+from slip_core.stamps import NS_PER_S
 from slip_sim_bridge.friction.params import FrictionParams
 from slip_sim_bridge.sensors.params import SensorsParams
 
-_CLOCK_TICKS_PER_S = 1_000_000_000
 HOLD_STIFFNESS = 400.0
 """[1/s2] Joint stiffness over joint inertia while the arm holds: square of the natural frequency of the loop, which is
 critically damped."""
@@ -26,25 +25,40 @@ WORLD = (
 """Parameters that are equal for all arms: there is one world and one object."""
 
 
+class DriveParams(DriveModel):
+    """Simulated drives; the defaults are ideal: they do exactly what is commanded."""
+
+    interface: CommandInterface = parameter(
+        "effort", "command interface: effort [N m], or velocity [rad/s] or position [rad] with a loop in the drive"
+    )
+    viscous: tuple[NotNegative, ...] = parameter((), f"viscous friction of the joints; {EACH}", unit="N m s/rad")
+    offset: tuple[float, ...] = parameter(
+        (), f"interface effort: constant added to the effort at the joint; {EACH}", unit="N m"
+    )
+    gain: float = parameter(1.0, "interface effort: effort at the joint over commanded effort", ge=0.1, le=10.0)
+    ripple: float = parameter(
+        0.0, "interface effort: amplitude of a torque ripple, sin(6 q)",
+        unit="N m", ge=0.0,
+    )  # fmt: skip
+
+
 class GripParams(GripperModel):
     """The gripper's squeeze."""
 
     force: float = parameter(
         0.5,
-        "normal force N of the friction limit F = mu N: the sum over both pads (twice the jaw force)",
+        "normal force N in the friction limit F = mu N: sum over both pads (twice the jaw force)",
         unit="N",
         runtime=True,
         ge=0.0,
     )
-    quantum: float = parameter(0.0, "step of the force; 0 = none", unit="N", ge=0.0)
+    quantum: float = parameter(0.0, "step of the force; 0 = continuous", unit="N", ge=0.0)
     hysteresis: float = parameter(
-        0.0, "friction of the fingers: so much more or less than the force has to be commanded before it changes",
+        0.0, "friction of the fingers: the force changes only when the command differs from it by more than this",
         unit="N", ge=0.0,
     )  # fmt: skip
     pad_size: tuple[Positive, Positive] = parameter(
-        (0.2, 0.2),
-        "size of the pad along its x and y: an object whose gripped point has slid over the edge is lost, and falls",
-        unit="m",
+        (0.2, 0.2), "size of the pad along its x and y: an object that slides over the edge is lost and falls", unit="m"
     )
 
 
@@ -53,12 +67,12 @@ class PushParams(ParameterModel):
 
     wrench: Six = parameter(
         (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-        "force and torque of the hand on the object where this arm grips it, on world axes",
+        "force and torque of a person's hand on the object at this arm's grasp, on world axes",
         unit="N, N m",
         runtime=True,
     )
     effort: tuple[float, ...] = parameter(
-        (), "effort of the hand on each joint; empty = none", unit="N m", runtime=True
+        (), "effort of a person's hand on each joint; empty = none", unit="N m", runtime=True
     )
 
 
@@ -78,7 +92,7 @@ class DisplayParams(ParameterModel):
 
     object_size: tuple[Positive, Positive, Positive] = parameter(
         (0.18, 0.14, 0.014),
-        "edges of the box about the centre of mass, on the object's axes, that stands for the object in every picture",
+        "size of the box drawn for the object, centred on its centre of mass, on object axes",
         unit="m",
     )
 
@@ -95,19 +109,19 @@ class BridgeParams(ArmParams):
     )
     control_period_s: float = parameter(0.001, "time from one command to the next", unit="s", gt=0.0, le=0.02)
     effort_rate: float = parameter(
-        1000.0, "largest change of a joint's effort that the drives follow, whatever is commanded", unit="N m/s", gt=0.0
+        1000.0, "largest rate of change of a joint's effort that the drives follow", unit="N m/s", gt=0.0
     )
-    seed: int = parameter(0, "seed of all sensor noise; of several arms the k-th has seed + k", ge=0)
+    seed: int = parameter(0, "seed of all sensor noise; with several arms, arm k uses seed + k", ge=0)
     mode: Literal["lockstep", "realtime"] = parameter(
-        "lockstep", "lockstep waits for the command of each stamp; realtime is paced by the wall clock"
+        "lockstep", "lockstep: wait for the command of each stamp; realtime: paced by the wall clock"
     )
     slip_input: SlipInput = SLIP_INPUT
     plant: Literal["rigid", "elastic"] = parameter(
         "rigid",
-        "rigid: one arm, the object slides in its pad's plane only; elastic: pads with stiffness, any number of arms",
+        "rigid: one arm, the object slides in the pad plane only; elastic: pads with stiffness, any number of arms",
     )  # fmt: skip
     substeps: int = parameter(
-        0, "simulation steps per control period; 0 chooses what the friction law needs", ge=0, le=64
+        0, "simulation steps per control period; 0 = as many as the friction law needs", ge=0, le=64
     )
     drive: DriveParams = DriveParams()
     grip: GripParams = GripParams()
@@ -117,18 +131,17 @@ class BridgeParams(ArmParams):
     sensors: SensorsParams = SensorsParams()
     expected_subscribers: int = parameter(
         1,
-        "subscribers on `joint_states` before time starts (controller, and recorder where there is one); 0 starts at "
+        "subscribers to wait for on `joint_states` before time starts (controller, recorder if used); 0 = start at "
         "once (realtime only)",
         ge=0,
     )
     peer_timeout_s: float = parameter(
-        180.0, "how long to wait for the peers; one that compiles its formulas takes over a minute", unit="s", gt=0.0
+        180.0, "how long to wait for the other nodes; compiling takes over a minute", unit="s", gt=0.0
     )
     lockstep_timeout_s: float = parameter(60.0, "longest wait for the command of a lockstep tick", unit="s", gt=0.0)
     command_timeout_s: float = parameter(
         0.03,
-        "age of the last command, from the state it answers, above which the arm holds its posture by itself: no loop "
-        "over the network is stable with more delay",
+        "largest age of the last command, from the stamp of the state it answers; beyond it the arm holds its posture",
         unit="s",
         gt=0.0,
     )
@@ -145,15 +158,10 @@ class BridgeParams(ArmParams):
         self.drive.check(len(self.joint_names))
         if self.sensors.slip.sees_pads and (self.plant != "elastic" or self.slip_input == "displacement"):
             raise ValueError("sensors.slip.sees_pads: needs plant elastic, and slip_input twist or flag")
-        ticks = self.control_period_s * _CLOCK_TICKS_PER_S
+        ticks = self.control_period_s * NS_PER_S
         if abs(ticks - round(ticks)) > 1e-3:
             raise ValueError("control_period_s must be a whole number of nanoseconds")
         return self
-
-    @property
-    def control_period_ns(self) -> int:
-        """The control period on the integer clock [ns]."""
-        return round(self.control_period_s * _CLOCK_TICKS_PER_S)
 
 
 def object_urdf(params: BridgeParams) -> str:

@@ -6,15 +6,14 @@ The node and the in-process loop run this same class.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.errors import InputError
-from slip_core.incidents import Incident
 from slip_core.stamps import seconds_to_ns
-from slip_core.types import DisplacementSample, JointCommand, JointSample, ObjectTruth, SlipSample, WrenchSample
+from slip_core.types import DisplacementSample, Incident, JointCommand, JointSample, SlipSample, WrenchSample
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.sensors.suite import SensorSuite
 from slip_sim_bridge.simulation import Readings, Simulation
@@ -45,9 +44,41 @@ class TickOutputs(NamedTuple):
     arms: tuple[ArmOutputs, ...]
 
     @property
-    def truth(self) -> ObjectTruth:
-        """Ground truth of the object at this tick; the slip is that of the first arm's pad."""
+    def truth(self) -> Any:
+        """Ground truth by name as `Grasp` has it; the slip is that of the first arm's pad."""
         return self.arms[0].readings.truth
+
+    def internal_wrenches(self, radius: float) -> list[Array]:
+        """Return the internal part of each pad's wrench as `internal_wrenches` does; radius: rho [m]."""
+        each = [arm.readings for arm in self.arms]
+        places, attitudes = [one.truth.pad_position for one in each], [one.truth.pad_rotation for one in each]
+        wrenches = [one.wrench.wrench for one in each]
+        return internal_wrenches(wrenches, places, attitudes, self.truth.object_position, radius)
+
+
+def internal_wrenches(
+    wrenches: Sequence[Array], places: Sequence[Array], attitudes: Sequence[Array], centre: Array, radius: float
+) -> list[Array]:
+    """Return the internal part of each contact's wrench, on its pad's axes; (6,) each [N, N m].
+
+    h_int,i = h_i - W G_i^T (sum_j G_j W G_j^T)^-1 sum_j G_j h_j with W = diag(1, 1, 1, rho^2, rho^2, rho^2),
+    from the true geometry.
+
+    Args:
+        wrenches: of the object on each pad; (6,) pad axes.
+        places, attitudes: of the pads; (3,) [m], (3, 3) {w}.
+        centre: of the object's mass (3,) [m] {w}.
+        radius: rho [m].
+    """
+    n, r, R = len(places), np.array(places) - centre, np.array(attitudes)
+    W = np.array([1.0] * 3 + [radius * radius] * 3)
+    G = np.tile(np.eye(6), (n, 1, 1))
+    G[:, 3:, :3] = np.cross(r[:, np.newaxis], np.eye(3)).transpose(0, 2, 1)
+    world = (np.array(wrenches).reshape(n, 2, 3) @ R.transpose(0, 2, 1)).reshape(n, 6)
+    total = np.einsum("kij,kj->i", G, world)
+    y = np.linalg.solve(np.einsum("kij,j,klj->il", G, W, G), total)
+    internal = world - W * np.einsum("kji,j->ki", G, y)
+    return list((internal.reshape(n, 2, 3) @ R).reshape(n, 6))
 
 
 class BridgeSession:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -12,123 +12,41 @@ from slip_core.arms import prefix_of, shared
 from slip_core.arrays import Array, readonly
 from slip_core.errors import InputError
 from slip_core.records import record
-from slip_core.types import JointSample, ObjectTruth, SlipSample, WrenchSample
-from slip_sim_bridge.drives.drive import Drives
-from slip_sim_bridge.gripper import Gripper
+from slip_core.stamps import seconds_to_ns
+from slip_core.types import JointSample, SlipSample, WrenchSample
+from slip_sim_bridge.arm import EFFORT, Arm
 from slip_sim_bridge.params import HOLD_STIFFNESS, WORLD, BridgeParams
-from slip_sim_bridge.plant import DivergenceError, Movable, Plant, read_out
-from slip_sim_bridge.plant.joint_step import JOINT_DRIVE_SIZE
+from slip_sim_bridge.plant import DivergenceError
 from slip_sim_bridge.plant.loose import LoosePlant
-from slip_sim_bridge.plant.model import UrdfJoints, urdf_joints
+from slip_sim_bridge.plant.model import urdf_joints
+
+if TYPE_CHECKING:  # what the plant that is not used compiles is not imported
+    from slip_sim_bridge.plant.elastic import ElasticPlant
+    from slip_sim_bridge.plant.rigid import RigidPlant
 
 
 class Readings(NamedTuple):
-    """The true samples of one arm at one stamp: joints, wrench h_ee and slip velocity on {ee} axes; the object.
+    """The true samples of one arm at one stamp: joints, wrench h_ee and slip velocity on {ee} axes.
 
-    grip: force of the gripper, sum over both pads [N]; numbers, read: all numbers of the stamp in one read-only array,
-    and by name as `read_out` has them.
+    grip: force of the gripper, sum over both pads [N]; truth: all numbers of the stamp by name, as `read_out` has them,
+    read-only.
     """
 
     joint: JointSample
     wrench: WrenchSample
     slip: SlipSample
     grip: float
-    numbers: Array
-    read: Any
-
-    @property
-    def truth(self) -> ObjectTruth:
-        """Pose and twist of the object and the slip; made when needed, as a controller does not wait for it."""
-        read = self.read
-        return ObjectTruth(
-            self.slip.stamp_ns,
-            read.object_position,
-            read.object_rotation,
-            read.object_twist,
-            read.slip_displacement,
-            self.slip.twist,
-        )
+    truth: Any
 
     @property
     def seen(self) -> SlipSample:
-        """The slip velocity as a sensor sees it that looks at the object: what pads give way is in it."""
-        return SlipSample(self.slip.stamp_ns, self.slip.twist + self.read.pad_yield)
+        """The slip velocity of a sensor that observes the object: it includes the shear of the pads."""
+        return SlipSample(self.slip.stamp_ns, self.slip.twist + self.truth.pad_yield)
 
     @property
-    def pad(self) -> tuple[Array, Array]:
-        """Position [m] and attitude of the pad; (3,), (3, 3) {w}."""
-        return self.read.pad_position, self.read.pad_rotation
-
-
-class Arm:
-    """What the simulation keeps of one arm.
-
-    Args:
-        params: of this arm.
-        joints: of its URDF, to whose limits its drives keep.
-    """
-
-    def __init__(self, params: BridgeParams, joints: UrdfJoints) -> None:
-        self.params, self.joints, self.limits = params, joints, joints.effort
-        self.layout = read_out(len(self.limits))
-        self.drives = Drives(params.drive, self.limits, params.control_period_s)
-        self.gripper = Gripper(params.grip, params.control_period_s)
-        self.largest_change = params.effort_rate * params.control_period_s
-        self.edge = 0.5 * params.grip.pad_size[0], 0.5 * params.grip.pad_size[1]
-        self.falls_in_ns, self.falls_to = round(1e9 * params.friction.falls_at_s), params.friction.falls_to
-        self.pushed: Array | None = None
-        """Effort of a hand on the joints."""
-        self.posture: Array | None = None
-        """What the arm holds; None where it obeys."""
-        self.applied = self.coming = np.zeros_like(self.limits)
-        """Efforts of the drives in the step that just ended, and in that which is being made."""
-        self.has_lost = False
-
-    def start(self, posture: Array, holding: Array) -> None:
-        """Hold a posture with the effort that holds it; (n,) [rad], [N m]."""
-        self.posture = posture
-        self.applied = readonly(np.clip(holding, -self.limits, self.limits))
-        self.drives.reset()
-        self.has_lost = False
-
-    def follow(self, command: Array | None, posture: Array) -> None:
-        """Let drives with loops of their own follow a command, or rest; (n,) [rad/s] or [rad], posture (n,) [rad]."""
-        if command is not None and np.isfinite(command).all():
-            self.posture = None
-            self.drives.follow(self.followable(command, posture))
-            return
-        self.posture = posture if self.posture is None else self.posture
-        self.drives.follow(self.posture if self.drives.takes_positions else np.zeros_like(self.limits))
-
-    def followable(self, command: Array, posture: Array) -> Array:
-        """Return what drives with loops of their own follow of a command: inside the joints' ranges and speeds; (n,).
-
-        A position [rad] leads the joint by no more than its speed makes good. A velocity [rad/s] shrinks ahead of the
-        range's end, by a quarter of the loop's bandwidth for each radian, so that the joint does not overshoot.
-        """
-        lower, upper, speed = self.joints.lower, self.joints.upper, self.joints.speed
-        bandwidth = self.params.drive.bandwidth
-        if self.drives.takes_positions:
-            period = self.params.control_period_s
-            lead = speed * period / -math.expm1(-bandwidth * period)
-            return np.clip(np.clip(command, lower, upper), posture - lead, posture + lead)
-        down, up = np.maximum(posture - lower, 0.0), np.maximum(upper - posture, 0.0)
-        rate = 0.25 * bandwidth
-        return np.clip(command, -np.minimum(rate * down, speed), np.minimum(rate * up, speed))
-
-    def obey(self, effort: Array | None) -> Array | None:
-        """Return the effort that the drives apply; None where there is none, or one that is not finite. (n,) [N m]."""
-        applied = self.limited(effort) if effort is not None else None
-        if applied is not None:
-            self.posture = None
-        return applied
-
-    def limited(self, effort: Array) -> Array | None:
-        """Return an effort within the limits of effort and of its change; None where it is not finite. (n,) [N m]."""
-        if not np.isfinite(effort).all():
-            return None
-        followed = np.clip(effort, self.applied - self.largest_change, self.applied + self.largest_change)
-        return readonly(np.clip(followed, -self.limits, self.limits))
+    def displaced(self) -> SlipSample:
+        """The slip displacement in the place of the velocity: translation and rotation vector [m, rad] {p}."""
+        return SlipSample(self.slip.stamp_ns, self.truth.slip_displacement)
 
 
 class Simulation:
@@ -155,7 +73,7 @@ class Simulation:
         self.names = tuple(params)
         self._held = make_plant(params, urdfs)
         self._loose = LoosePlant(params, urdfs)
-        self.plant: Movable = self._held
+        self.plant: RigidPlant | LoosePlant = self._held
         self.loss: tuple[int, str] | None = None
         """When the object left the first pad [ns], and how; None while all hold it."""
         self.arms = tuple(Arm(arm, urdf_joints(arm, urdfs[name])) for name, arm in params.items())
@@ -166,14 +84,12 @@ class Simulation:
         )
         """What the simulation leaves out of its input, one line each."""
         self._drives: Array | None = None
-        if any(arm.drives.act_on_joints for arm in self.arms):
-            self._drives = np.zeros((sum(len(arm.limits) for arm in self.arms), JOINT_DRIVE_SIZE))
-            at = 0
-            for arm in self.arms:
-                self._drives[at : at + len(arm.limits)] = arm.drives.rows
-                arm.drives.rows = self._drives[at : at + len(arm.limits)]
-                at += len(arm.limits)
-        self._period_ns = self.arms[0].params.control_period_ns
+        if any(arm.act_on_joints for arm in self.arms):
+            self._drives = np.concatenate([arm.rows for arm in self.arms])
+            ends = np.cumsum([len(arm.limits) for arm in self.arms])
+            for arm, rows in zip(self.arms, np.split(self._drives, ends[:-1]), strict=True):
+                arm.rows = rows
+        self._period_ns = seconds_to_ns(self.arms[0].params.control_period_s)
         self._pushes, self._normal_forces = np.zeros((len(self.arms), 6)), np.zeros(len(self.arms))
         self.stamp_ns = 0
         """Simulated time [ns]; it never goes back, not even in a reset."""
@@ -229,10 +145,10 @@ class Simulation:
             if command is not None and command.shape != arm.limits.shape:
                 kind = arm.params.drive.interface
                 raise InputError(kind, got=f"{command.size} numbers", expected=f"{arm.limits.size}, one per joint")
-            effort = self._drive(index, arm, command)
-            arm.coming = effort = self._hold(index, arm) if effort is None else effort
-            effort = arm.drives.at_joints(effort, self._posture(index))
-            joints.append(effort if arm.pushed is None else effort + arm.pushed)
+            posture = self._posture(index)
+            effort = arm.take(command, posture)
+            arm.coming = self._hold(index, arm) if effort is None else effort
+            joints.append(arm.at_joints(arm.coming, posture))
             force = arm.gripper.step()
             if arm.has_lost or self._let_go(index, arm):
                 force, released = 0.0, True
@@ -246,9 +162,7 @@ class Simulation:
         self.plant.advance(efforts, self._normal_forces, self._drives)
         self._diverged = False
         for arm in self.arms:
-            arm.applied = arm.coming
-            if not arm.drives.takes_efforts:
-                arm.applied = readonly(arm.drives.efforts)
+            arm.applied = arm.coming if arm.takes_efforts else readonly(arm.rows[:, EFFORT].copy())
         self.stamp_ns += self._period_ns
 
     def reset(self) -> None:
@@ -276,18 +190,9 @@ class Simulation:
             WrenchSample(stamp_ns, read.wrench),
             SlipSample(stamp_ns, read.slip_velocity),
             self.arms[arm].gripper.force,
-            numbers,
             read,
         )
         return readings
-
-    def _drive(self, index: int, arm: Arm, command: Array | None) -> Array | None:
-        """Return what drives with a delay, a lag or loops of their own apply; None holds the arm. (n,) [N m]."""
-        command = arm.drives.arriving(command)
-        if not arm.drives.takes_efforts:
-            arm.follow(command, self._posture(index))
-            return np.zeros_like(arm.limits)
-        return arm.obey(None if command is None else arm.drives.lagging(command, arm.applied))
 
     def _hold(self, index: int, arm: Arm) -> Array:
         """Return the effort that holds the arm where it was when this began; (n,) [N m]."""
@@ -325,8 +230,8 @@ class Simulation:
         self._diverged = False
 
 
-def make_plant(params: Mapping[str, BridgeParams], urdfs: Mapping[str, str]) -> Plant:
-    """Return the plant that `plant` names; what the other one compiles is not imported."""
+def make_plant(params: Mapping[str, BridgeParams], urdfs: Mapping[str, str]) -> RigidPlant | ElasticPlant:
+    """Return the plant that `plant` names."""
     if next(iter(params.values())).plant == "elastic":
         from slip_sim_bridge.plant.elastic import ElasticPlant
 

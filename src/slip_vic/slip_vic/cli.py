@@ -15,13 +15,11 @@ import click
 
 from slip_bags.cli import bag, run_command
 from slip_core.errors import InputError
+from slip_core.topics import checked_namespace
 from slip_vic import __version__
 from slip_vic.experiments.cli import benchmark, check, study, tune
-from slip_vic.options import DOMAIN_ID, IN_PROCESS, SCENARIOS, Choice, choosing, end_with, out_option
+from slip_vic.options import DOMAIN_ID, SCENARIOS, Choice, choosing, end_with, out_option
 from slip_vic.page import require_page
-from slip_vic.page.cli import report, watch
-from slip_vic.replay.cli import verify
-from slip_vic.retime.cli import retime
 from slip_vic.setup.cli import arm, bringup, identify
 from slip_vic.setup.export import export
 
@@ -29,7 +27,6 @@ if TYPE_CHECKING:
     from slip_vic.run.launcher import RunResult
     from slip_vic.run.run import Run
 
-CORE = click.IntRange(min=0)
 LONGEST_JUDGED_S = 60.0
 """Longest run of which a bag is made only to judge it."""
 
@@ -41,14 +38,13 @@ def cli() -> None:
 
 
 @cli.command()
-@choosing("scenario", "law", "mode", "seed", "sensor", "drive", "gripper", "parameters", "assignments", "urdf")
+@choosing("scenario", "law", "mode", "seed", "sensor", "drive", "gripper", "parameters", "set")
 @click.option("--record", type=click.Path(path_type=Path), help="record a bag into this new folder")
-@click.option("--namespace", default="", help="ROS namespace of all nodes")
+@click.option("--namespace", callback=checked_namespace, default="", help="ROS namespace of all nodes")
 @DOMAIN_ID
-@click.option("--cpu", "cores", type=CORE, multiple=True, help="both nodes' core, or bridge's and controller's")
-@click.option("--fifo", type=click.IntRange(1, 99), help="their SCHED_FIFO priority, where permitted")
+@click.option("--fifo", type=click.IntRange(1, 99), help="SCHED_FIFO priority of bridge and controller")
 @click.option("--native", type=click.Path(path_type=Path), help="folder of `slip-vic export` whose node controls")
-@IN_PROCESS
+@click.option("--in-process", is_flag=True, help="run both nodes in this process, without DDS or ROS")
 @click.option("--page", type=click.Path(path_type=Path), help="write the page of the run")
 def run(
     *,
@@ -56,7 +52,6 @@ def run(
     record: Path | None,
     namespace: str,
     domain_id: int | None,
-    cores: tuple[int, ...],
     fifo: int | None,
     native: Path | None,
     in_process: bool,
@@ -66,14 +61,14 @@ def run(
 
     Ends with slip, goal error, arrival and changes of mode, except after more than a minute without --record.
 
-    Exit code 1 where the controller gave up, the object was lost, the path could not be followed or the arm saturated.
+    Exit code 1 after a FAULT, or if the object was lost, the path could not be followed or the arm saturated.
     """
     if page is not None:
         require_page()
     from slip_vic.run.prepare import prepare
-    from slip_vic.scenarios.scenario import load_scenario
+    from slip_vic.scenarios.scenario import load
 
-    loaded = load_scenario(**choice)
+    loaded = load(**choice)
     prepare()  # before anything is imported that compiles
 
     from rich.console import Console
@@ -94,14 +89,12 @@ def run(
             raise InputError("--page", got=got, expected="a bag to draw", fix="--record BAG")
         from slip_vic.run.judge import judge_bag
         from slip_vic.run.launcher import Launcher
-        from slip_vic.run.processes import Scheduling
         from slip_vic.run.progress import progress
 
         with tempfile.TemporaryDirectory(prefix="slip_vic_run_") as folder:
             launcher = Launcher(
                 loaded, bag=record or (Path(folder) / "bag" if judged else None),
-                wanted_domain=domain_id, namespace=namespace, scheduling=Scheduling(cores, fifo),
-                native=native,
+                wanted_domain=domain_id, namespace=namespace, fifo=fifo, native=native,
             )  # fmt: skip
             with progress(console, unit=" s") as add_bar:
                 result = launcher.run(
@@ -144,16 +137,10 @@ def result_lines(result: RunResult) -> Iterator[str]:
 
 
 def summary_lines(run: Run) -> Iterator[str]:
-    """Yield what is said of a run at its end: a line for each arm, and one for each change of its mode."""
-    for name, numbers in run.summary.items():
-        arrival = numbers["arrival_s"]
-        error, arm = 1e3 * numbers["final_error_m"], f"{name}: " if name else ""
-        yield (
-            f"{arm}slip {1e3 * numbers['slip_linear_m']:.2f} mm, {math.degrees(numbers['slip_angular_rad']):.2f} deg; "
-            + ("" if math.isnan(error) else f"goal error {error:.3f} mm; ")
-            + ("does not arrive" if math.isnan(arrival) else f"arrives after {arrival:.2f} s")
-        )
-        changes = run.modes[name]
+    """Yield the summary of a run: a line for each arm, and one for each change of its mode."""
+    for name in run.summary:
+        arm, changes = f"{name}: " if name else "", run.modes[name]
+        yield f"{arm}{run.sentence(name)}"
         if [text for _, text in changes] not in ([], ["ACTIVE"]):
             yield from (f"{arm}from {at:.2f} s {text}" for at, text in changes)
     if not math.isnan(run.internal_force_n):
@@ -161,28 +148,26 @@ def summary_lines(run: Run) -> Iterator[str]:
 
 
 @cli.command()
-@choosing("scenario", "seed", "sensor", "drive", "gripper", "parameters", "assignments", "urdf")
+@choosing("scenario", "seed", "sensor", "drive", "gripper", "parameters", "set")
 @out_option("out", "output folder")
-@IN_PROCESS
 @DOMAIN_ID
-def demo(*, choice: Choice, out: Path, in_process: bool, domain_id: int | None) -> None:
+def demo(*, choice: Choice, out: Path, domain_id: int | None) -> None:
     """Compare classical, variable and governed impedance on one scenario: table, report.html, summary.json, bags."""
     from slip_msgs_py.environment import check_ros
 
     require_page()
-    if not in_process:
-        check_ros()
+    check_ros()
     from slip_vic.run.prepare import prepare
-    from slip_vic.scenarios.scenario import load_scenario
+    from slip_vic.scenarios.scenario import load
 
-    load_scenario(**choice)  # a typo ends here
+    load(**choice)  # a typo ends here
     prepare()
 
     from rich.console import Console
 
     from slip_vic.run.demo import run_demo
 
-    summary = run_demo(choice, out, Console(stderr=True), domain_id, in_process=in_process)
+    summary = run_demo(choice, out, Console(stderr=True), domain_id)
     lines = (f"{kind}: {incident}" for kind, run in summary["runs"].items() for incident in run["incidents"])
     end_with(lines)
 
@@ -192,7 +177,7 @@ def demo(*, choice: Choice, out: Path, in_process: bool, domain_id: int | None) 
 @out_option("config", "folder")
 @click.option("--reference", is_flag=True, help="write docs/parameters.md and docs/topics.md instead, below --out")
 def params(scenarios: tuple[str, ...], out: Path, reference: bool) -> None:
-    """Write the ROS parameter files of the scenarios, for nodes that are started alone."""
+    """Write the ROS parameter files of the scenarios, for nodes that are started individually."""
     from slip_vic.scenarios.parameter_files import config_files, parameter_page, topic_page, write_files
 
     pages = {"parameters.md": parameter_page(), "topics.md": topic_page()} if reference else {}
@@ -202,8 +187,99 @@ def params(scenarios: tuple[str, ...], out: Path, reference: bool) -> None:
         click.echo(str(out / name))
 
 
-bag.add_command(verify)
-for _command in (arm, bag, benchmark, bringup, check, export, identify, report, retime, study, tune, watch):
+@cli.command()
+@click.argument("bags", metavar="BAG [BAG...]", nargs=-1, required=True, type=click.Path(path_type=Path))
+@out_option("report.html", "the page")
+def report(bags: tuple[Path, ...], out: Path) -> None:
+    """Write one self-contained web page of recorded runs: 3D replay, linked plots, table."""
+    require_page()
+    from slip_vic.page.page import write_page
+    from slip_vic.run.data import read_data
+
+    labels = [path.name if path.is_dir() else path.stem for path in bags]
+    if len(set(labels)) != len(labels):
+        labels = [str(path) for path in bags]
+    runs = {label: read_data(path) for label, path in zip(labels, bags, strict=True)}
+    write_page(out, runs, command=shlex.join(["slip-vic", *sys.argv[1:]]))
+    click.echo(f"{out}: {out.stat().st_size / 1e6:.2f} MB")
+
+
+@cli.command()
+@click.option(
+    "--namespace", callback=checked_namespace, default="", help="namespace of the arm; default: all with joint states"
+)
+@DOMAIN_ID
+@click.option("--port", type=click.IntRange(0, 65535), default=8765, show_default=True, help="0: a free one")
+def watch(namespace: str, domain_id: int | None, port: int) -> None:
+    """Show the current run live in the browser, with the picture and plots of a report.
+
+    Without --domain-id and ROS_DOMAIN_ID it shows the newest `slip-vic run` on this machine.
+    """
+    require_page()
+    from slip_msgs_py.node_main import ros_node
+    from slip_msgs_py.stop_flag import StopFlag
+    from slip_vic.page.audience import Audience
+    from slip_vic.page.live import watch as run_watch
+    from slip_vic.run.domain import domains_in_use
+
+    runs = domains_in_use()
+    domain = (runs or [0])[0] if domain_id is None else domain_id
+    audience = Audience(port)
+    click.echo(f"http://127.0.0.1:{audience.port}/  (Ctrl-C ends)")
+    try:
+        here = "a run of slip-vic" if domain in runs else "joint_states and robot_description"
+        click.echo(f"watching ROS domain {domain} for {here}", err=True)
+        with StopFlag() as stop, ros_node("slip_vic_watch", domain=domain) as node:
+            run_watch(node, audience, namespace, stop)
+    finally:
+        audience.close()
+
+
+@bag.command()
+@click.argument("bag_path", metavar="BAG", type=click.Path(path_type=Path))
+def verify(bag_path: Path) -> None:
+    """Run the controller again on the recorded inputs and compare every effort bit by bit.
+
+    Exit code 0: identical. 1: not, with the first difference. 2: this bag cannot be verified.
+    """
+    from rich.console import Console
+
+    from slip_bags.reader import Bag
+    from slip_vic.replay.run_data import read_run
+    from slip_vic.replay.verify import other_software, verify_run
+    from slip_vic.run.data import software_of
+
+    opened = Bag(bag_path)
+    runs = read_run(opened)
+    with Console(stderr=True).status("replaying"):
+        verdict = verify_run(runs)
+    click.echo(verdict.text())
+    if not verdict.identical:
+        for note in other_software(software_of(opened)):
+            click.echo(f"note: {note}")
+        raise click.exceptions.Exit(1)
+
+
+@cli.command()
+@click.argument("path", type=click.Path(path_type=Path))
+@choosing("scenario", "parameters", "set")
+@out_option("out/retime", "folder")
+def retime(*, path: Path, choice: Choice, out: Path) -> None:
+    """Compute a timing of a path that the grasp's friction admits, for any controller.
+
+    PATH is a CSV file with one column per joint [rad] or the pad's pose: x, y, z [m], qx, qy, qz, qw. With a column
+    `time` [s] no stretch between rests takes less time than given; without it, or with times too short for friction,
+    the motion is as fast as friction admits. Arm, object, grip and friction are those of the scenario. The output is a
+    smooth path through the points with its new timing, and a certificate: load, and largest distance from the straight
+    lines between the points. A pose given twice is a wait and is kept.
+    """
+    from slip_vic.retime.command import run_retime
+
+    for line in run_retime(path, choice, out):
+        click.echo(line)
+
+
+for _command in (arm, bag, benchmark, bringup, check, export, identify, study, tune):
     cli.add_command(_command)
 
 

@@ -3,8 +3,8 @@
     import gymnasium
     env = gymnasium.make("slip_vic.gym:slip_vic/Carry-v0", scenario="paper_planar", sensor="vision_60")
 
-Needs the extra `gym`. The loop is that of a law of one's own: the action becomes an effort by the torque law, and the
-effort limiter is behind it.
+Needs the extra `gym`. The loop is that of your own law: the torque law converts the action to an effort, which the
+effort limiter bounds.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from slip_vic.experiments.law import Pad, Seen, Setup
 from slip_vic.run.in_process import Tick
 from slip_vic.run.judge import LawError
 from slip_vic.run.metrics import ARRIVED
-from slip_vic.scenarios.scenario import load_scenario
+from slip_vic.scenarios.scenario import load
 
 gymnasium: Any = importlib.import_module("gymnasium")  # it is optional, so that mypy need not find it
 
 TICKS: Final = 10
-"""Control periods in which an action holds: 100 Hz (ours)."""
+"""Control periods for which an action is held: 100 Hz (ours)."""
 LINEAR: Final = 5.0
 ANGULAR: Final = 20.0
-"""Acceleration of an action of 1 [m/s2], [rad/s2] (ours: above what all scenarios need)."""
+"""Acceleration of an action of 1 [m/s2], [rad/s2] (ours: more than any scenario needs)."""
 OBSERVED: Final = 38
 
 
@@ -51,12 +51,12 @@ class Carry(gymnasium.Env):
     """Carries an object with one arm.
 
     {w} are the axes of the world, {ee} those of the pad: x out of the hand, z the closing direction. Action (7,), each
-    from -1 to 1: acceleration of the pad that is added to the path's own, {w}; squeeze, from none to the most.
-    Observation (38,), SI units, {w} but for wrench and slip, {ee}: error of the pad's pose (6), of its twist (6), twist
-    and acceleration of the path (12), wrench (6), slip velocity (6), squeeze over the most, share of the path's time.
-    Reward of a step: minus its time times (100 slip speed + 10 error + squeeze over the most), with 0.03 m for a radian
-    (ours). Ends where the object is lost; truncated at the end of the scenario. info: slip [m], [rad], and success: the
-    object is held, and the pad is within 1 mm and 0.5 degrees of the path's end.
+    from -1 to 1: acceleration of the pad that is added to the path's, {w}; squeeze, from none to the largest.
+    Observation (38,), SI units, {w} except wrench and slip, {ee}: error of the pad's pose (6), of its twist (6), twist
+    and acceleration of the path (12), wrench (6), slip velocity (6), squeeze over the largest, fraction of the path's
+    time. Reward of a step: minus its time times (100 slip speed + 10 error + squeeze over the largest), with 0.03 m for
+    a radian (ours). Terminated if the object is lost; truncated at the end of the scenario. info: slip [m], [rad], and
+    success: the object is held, and the pad is within 1 mm and 0.5 degrees of the path's end.
 
     A step takes about 9 ms of a core. `gymnasium.make_vec(..., vectorization_mode="async")` gives each a core.
 
@@ -82,7 +82,7 @@ class Carry(gymnasium.Env):
         """Begin an episode; the seed is that of the sensors' noise."""
         super().reset(seed=seed)
         noise = int(self.np_random.integers(2**31))
-        scenario = load_scenario(self._name, law="classical", sensor=self._sensor, seed=noise, assignments=self._set)
+        scenario = load(self._name, law="classical", sensor=self._sensor, seed=noise, set=self._set)
         if scenario.several:
             raise InputError("Carry-v0: scenario", got=self._name, expected="a scenario with one arm")
         self._hand = _Hand()

@@ -1,7 +1,4 @@
-"""Options that several commands take, each in one form, and how a command ends where a run went wrong.
-
-A mistyped name is answered before anything heavy is loaded.
-"""
+"""Options that several commands take, each in one form, and how a command ends where a run went wrong."""
 
 from __future__ import annotations
 
@@ -13,11 +10,9 @@ from typing import Any, Final
 import click
 
 from slip_core.files.resources import add_package
-from slip_vic.presets import find_preset
 
-ALL_LAWS: Final = ("classical", "vic", "governed", "governed_follow", "printed")
 Choice = dict[str, Any]
-"""The scenario that a command line chooses: arguments of `load_scenario`."""
+"""The scenario that a command line chooses: arguments of `slip_vic.load`."""
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 
@@ -26,33 +21,12 @@ def names(text: str) -> tuple[str, ...]:
     return tuple(name.strip() for name in text.split(",") if name.strip())
 
 
-def _law(name: str) -> None:
-    """Check a law; a foreign one, or one with a changed parameter, where that is loaded anyway."""
-    base = name.partition("?")[0]
-    if base in ALL_LAWS:
-        return
-    from slip_vic.experiments.law import find_law
-
-    find_law(name)
-
-
-def _checked(find: Callable[[str], object], *, many: bool) -> Callable[[click.Context, click.Parameter, str], Any]:
-    """Return the callback of an option with a name, or comma separated ones, that `find` must know; or none."""
-
-    def check(context: click.Context, parameter: click.Parameter, value: str) -> Any:
-        found = names(value) if many else tuple(filter(None, [value]))
-        for name in found:
-            find(name)
-        return found if many else value
-
-    return check
-
-
-def _preset(kind: str, words: str, *, many: bool = False, **more: Any) -> Decorator:
-    """Return the option of a preset, or several."""
-    flag, find = f"--{kind}", functools.partial(find_preset, f"{kind}s")
-    dest = f"{kind}s" if many else kind
-    return click.option(flag, dest, **{"default": "", "callback": _checked(find, many=many), "help": words, **more})
+def listed(flag: str, default: str, words: str) -> Decorator:
+    """Return an option of comma separated names; the command gets a tuple, under the plural."""
+    return click.option(
+        flag, f"{flag.removeprefix('--')}s", default=default, show_default=bool(default), help=words,
+        callback=lambda _context, _parameter, value: names(value),
+    )  # fmt: skip
 
 
 def _package(context: click.Context, parameter: click.Parameter, values: tuple[str, ...]) -> None:
@@ -68,36 +42,21 @@ def out_option(default: str | None, text: str, **more: Any) -> Decorator:
     )  # fmt: skip
 
 
-SCENARIO: Final = _preset("scenario", "name or .yaml file", default="paper_planar", show_default=True)
-SCENARIOS: Final = _preset("scenario", "names or .yaml files, comma separated; default all", many=True)
-SENSOR: Final = _preset("sensor", "name or .yaml file of a slip sensor")
-SENSORS: Final = _preset("sensor", "names or .yaml files, comma separated; default all", many=True)
-DRIVE: Final = _preset("drive", "name or .yaml file of the arm's drives")
-GRIPPER: Final = _preset("gripper", "name or .yaml file of a gripper")
-DRIVES: Final = _preset("drive", "names or .yaml files, comma separated", many=True)
-LAWS_OPTION: Final = click.option(
-    "--law", "laws", default="classical,vic,governed", show_default=True, callback=_checked(_law, many=True),
-    help="comma separated",
-)  # fmt: skip
-ASSIGNMENTS: Final = click.option(
-    "--set", "assignments", multiple=True, metavar="KEY=VALUE", help="override a parameter; repeatable"
-)
+SCENARIO: Final = click.option("--scenario", default="paper_planar", show_default=True, help="name or .yaml file")
+SCENARIOS: Final = listed("--scenario", "", "names or .yaml files, comma separated; default all")
+SENSOR: Final = click.option("--sensor", default="", help="name or .yaml file of a slip sensor")
+DRIVE: Final = click.option("--drive", default="", help="name or .yaml file of the arm's drives")
+ASSIGNMENTS: Final = click.option("--set", multiple=True, metavar="KEY=VALUE", help="override a parameter; repeatable")
 PACKAGE: Final = click.option(
     "--package", multiple=True, metavar="NAME=DIR", expose_value=False, is_eager=True, callback=_package,
     help="folder behind package://NAME and $(find NAME) of a URDF or xacro file; repeatable",
 )  # fmt: skip
 
 
-def URDF(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add ``--urdf`` and ``--package``."""
-    urdf = click.option("--urdf", type=click.Path(path_type=Path), help="another arm: URDF or xacro file")
-    return urdf(PACKAGE(command))
-
-
 _OF_CHOICE: Final[Mapping[str, Decorator]] = {
     "scenario": SCENARIO,
     "law": click.option(
-        "--law", type=click.Choice(ALL_LAWS), default="governed", show_default=True, help="control law"
+        "--law", default="governed", show_default=True, help="classical, vic, governed, governed_follow or printed"
     ),
     "mode": click.option("--mode", type=click.Choice(["lockstep", "realtime"]), default="lockstep", show_default=True),
     "seed": click.option(
@@ -105,27 +64,26 @@ _OF_CHOICE: Final[Mapping[str, Decorator]] = {
     ),
     "sensor": SENSOR,
     "drive": DRIVE,
-    "gripper": GRIPPER,
+    "gripper": click.option("--gripper", default="", help="name or .yaml file of a gripper"),
     "parameters": click.option(
         "--params",
         "parameters",
         type=click.Path(path_type=Path),
         help="parameter file of the controller, e.g. of bringup or tune",
     ),
-    "assignments": ASSIGNMENTS,
-    "urdf": URDF,
+    "set": ASSIGNMENTS,
 }
 
 
 def choosing(*parts: str) -> Decorator:
-    """Add the options of these parts of a `Choice`; the command gets them as one argument, `choice`."""
+    """Add the options of these parts of a `Choice`, which the command gets as one argument, and ``--package``."""
 
     def add(command: Callable[..., Any]) -> Callable[..., Any]:
         @functools.wraps(command)
         def with_choice(**given: Any) -> Any:
             return command(choice={part: given.pop(part) for part in parts}, **given)
 
-        found: Callable[..., Any] = with_choice
+        found: Callable[..., Any] = PACKAGE(with_choice)
         for part in reversed(parts):
             found = _OF_CHOICE[part](found)
         return found
@@ -133,10 +91,10 @@ def choosing(*parts: str) -> Decorator:
     return add
 
 
-IN_PROCESS: Final = click.option(
-    "--in-process", is_flag=True, help="bridge and controller in this process, without DDS: seconds, and no ROS"
-)
-DOMAIN_ID: Final = click.option("--domain-id", type=int, help="ROS domain id; default ROS_DOMAIN_ID, else a free one")
+DOMAIN_ID: Final = click.option(
+    "--domain-id", type=click.IntRange(0, 232), envvar="ROS_DOMAIN_ID", show_envvar=True,
+    help="ROS domain id, 0 to 101 is safe; default for a run: a free one",
+)  # fmt: skip
 
 
 def end_with(incidents: Iterable[str]) -> None:

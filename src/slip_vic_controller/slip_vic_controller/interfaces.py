@@ -66,13 +66,13 @@ def fill_wrench_sensor(sensor: WrenchSensor, params: ControllerParams, robot: Ro
         if placed:
             raise InputError(
                 "parameter wrench.position, wrench.rpy", got=f"{list(given.position)}, {list(given.rpy)}",
-                expected=f"zeros: {given.frame} is a link of the URDF, which places it", fix="leave them out",
+                expected=f"zeros: {given.frame} is a link of the URDF, which gives its position", fix="leave them out",
             )  # fmt: skip
         position, rotation = in_urdf
     elif given.frame not in ("", params.ee_frame) and not placed:
         raise InputError(
             "parameter wrench.frame", got=given.frame, expected=f"a link that is fixed to {params.ee_frame}",
-            fix="wrench.position and wrench.rpy place a frame that is no link",
+            fix="for a frame that is no link, set wrench.position and wrench.rpy",
         )  # fmt: skip
     sensor.force, sensor.torque = given.sign * given.force_scale, given.sign * given.torque_scale
     sensor.position[:], sensor.rotation[:] = position, rotation

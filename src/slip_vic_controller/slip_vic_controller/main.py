@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from slip_msgs_py.node_entry import main_of
+from slip_msgs_py.node_main import main_of
 
 ABOUT = """The controller: joint states, wrench and slip velocity in, joint efforts out.
 A managed (lifecycle) node: it configures and activates itself unless auto_activate is false.

@@ -17,7 +17,8 @@ from slip_vic_controller.sizes import MAX_JOINTS
 class Robot:
     """The arm of a URDF text, checked against the joint names; limits are the URDF's.
 
-    joint_names; effort_limit (n,) [N m]; velocity_limit (n,) [rad/s]; position_lower, position_upper (n,) [rad].
+    joint_names; effort_limit (n,) [N m]; velocity_limit (n,) [rad/s]; position_lower, position_upper (n,) [rad];
+    inertia (n,) [kg m2]: what each joint moves with all at 0, its rotor with it.
 
     Args:
         urdf_text: the URDF.
@@ -41,7 +42,11 @@ class Robot:
         names = tuple(joint_names)
         if len(names) > MAX_JOINTS:
             raise InputError("joint_names", got=f"{len(names)} joints", expected=f"at most {MAX_JOINTS}")
-        model = _parse(usable_urdf(urdf_text, ee_frame, names))
+        text = usable_urdf(urdf_text, ee_frame, names)
+        try:
+            model = pin.buildModelFromXML(text)
+        except (ValueError, RuntimeError) as error:
+            raise InputError("robot_description", got=text.strip()[:40], expected="a URDF", fix=str(error)) from None
         model.gravity.linear = vector(gravity, 3, "gravity")
         if armature:
             model.armature = vector(armature, model.nv, "armature")
@@ -56,6 +61,7 @@ class Robot:
         frame = model.frames[self._frame]
         self._placement = readonly(np.concatenate((frame.placement.translation, frame.placement.rotation.ravel())))
         self._rest = np.zeros(model.nv)
+        self.inertia = readonly(np.diag(pin.crba(model, self._data, self._rest)))
         # Views of Pinocchio's own memory: they show what was computed last, and cost nothing.
         data, joint = self._data, frame.parentJoint
         pose, twist, acceleration = data.oMi[joint], data.v[joint], data.a[joint]
@@ -102,7 +108,7 @@ class Robot:
         if of.parentJoint != ee.parentJoint:
             raise InputError(
                 "parameter wrench.frame", got=frame, expected=f"a link that is fixed to {ee.name}",
-                fix="give the sensor behind the last joint, or the wrench on another topic",
+                fix="set wrench.frame to a link behind the last joint",
             )  # fmt: skip
         place = ee.placement.actInv(of.placement)
         return np.array(place.translation), np.array(place.rotation)
@@ -118,10 +124,3 @@ class Robot:
 def rotation_of_rpy(rpy: Sequence[float]) -> Array:
     """Return the rotation matrix (3, 3) of roll, pitch and yaw [rad], as a URDF has them."""
     return np.array(pin.rpy.rpyToMatrix(*rpy))
-
-
-def _parse(urdf_text: str) -> pin.Model:
-    try:
-        return pin.buildModelFromXML(urdf_text)
-    except (ValueError, RuntimeError) as error:
-        raise InputError("robot_description", got=urdf_text.strip()[:40], expected="a URDF", fix=str(error)) from None

@@ -7,9 +7,9 @@ from typing import Annotated, NamedTuple
 from slip_core.arrays import Array
 from slip_core.records import Mat3, Pose, Real, Record, Records, Vec3, Vec6, Whole, WholeArray, dtype_of
 from slip_vic_controller.arm.command import CommandLimits, SentCommand
-from slip_vic_controller.arm.joint_estimate import EstimatorConfig, JointEstimate, JointRecord
+from slip_vic_controller.arm.estimator import EstimatorConfig, JointEstimate, JointRecord
 from slip_vic_controller.arm.tare import Tare, TareConfig
-from slip_vic_controller.contact.layouts import Motion, Observer, ObserverConfig
+from slip_vic_controller.contact.observer import Motion, Observer, ObserverConfig
 from slip_vic_controller.governor.grip import Grip, GripConfig
 from slip_vic_controller.governor.layouts import GovernedPad, Governor, GovernorConfig
 from slip_vic_controller.governor.plan import GRID_POINTS, GridPoint
@@ -20,23 +20,13 @@ from slip_vic_controller.law.contact import ContactSample
 from slip_vic_controller.law.evaluation import Evaluation
 from slip_vic_controller.law.extensions import CompensationState
 from slip_vic_controller.law.gains import LawGains, Ramp
-from slip_vic_controller.law.symbols import SlipEstimate
 from slip_vic_controller.path.goals import Goal
-from slip_vic_controller.path.path_scaling import PathScaling
-from slip_vic_controller.path.paths import Path
+from slip_vic_controller.path.paths import Path, PathScaling
 from slip_vic_controller.path.stream import Stream
-from slip_vic_controller.safety.conditions import REASONS, Condition, ConditionsConfig, Health
+from slip_vic_controller.safety.conditions import REASONS, Condition, ConditionsConfig, Health, ModeState
 from slip_vic_controller.safety.hold import Hold, HoldConfig
-from slip_vic_controller.safety.latency import Latency
-from slip_vic_controller.safety.modes import ModeState
 from slip_vic_controller.safety.motion import DropDetectionConfig, ObservedMotion
-from slip_vic_controller.safety.validation import (
-    JointInput,
-    JointLimits,
-    SlipQueue,
-    VectorInput,
-    VectorLimits,
-)
+from slip_vic_controller.safety.validation import JointInput, JointLimits, SlipQueue, VectorInput, VectorLimits
 from slip_vic_controller.sizes import MAX_CONTACTS, MAX_JOINTS, Joints
 
 LEDGER = 3 + 4 * MAX_CONTACTS + 5 + 1
@@ -48,8 +38,6 @@ class ControllerConfig(Record):
     period_ns: Whole
     slow_down_s: Real  # s; time in which the path comes to rest
     start_s: Real  # s; of the trajectory
-    posture_given: Whole
-    posture: Joints  # rad
     has_observer: Whole
     pad_stiffness: Real  # N/m; for the bound on kappa
     drive_lag_s: Real  # from a command to the motion that it asks for
@@ -137,9 +125,7 @@ class ArmState(Record):
     queue: SlipQueue
     mode: ModeState
     conditions: Annotated[Records[Condition], REASONS]
-    sliding_ns: Whole  # stamp of the first sample of a slip at which the law does not begin
     observed: ObservedMotion
-    latency: Latency
     hold: Hold
     tuned: Ramp
     law: LawState
@@ -212,7 +198,6 @@ class CycleOutputs(Record):
     and how many references or goals have been taken. Times are seconds and nanoseconds."""
     effort: Joints  # N m
     command: Joints  # N m, rad/s or rad: what the drives take
-    limited: Annotated[WholeArray, MAX_JOINTS]  # joints at the rate limit
     saturated: Annotated[WholeArray, MAX_JOINTS]
     grip: Real  # N; commanded
     health: Health
@@ -227,7 +212,7 @@ class CycleOutputs(Record):
     reference: DesiredMotion
     motion: Motion
     law: Evaluation
-    estimate: SlipEstimate
+    sliding: Real  # 1 while the observer finds slip
     joints: JointRecord  # as estimated, zeros without an estimate; `effort` is that of the disturbance
 
 

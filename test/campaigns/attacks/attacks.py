@@ -25,10 +25,10 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from slip_vic.run.commands import node_command
 from slip_vic.run.processes import python_module
 from test.campaigns.attacks.flood import FOREIGN, message
-from test.campaigns.faults.plan import BRIDGE, CONTROLLER
+from test.campaigns.faults.plan import BRIDGE, CONTROLLER, JOINT, SLIP, WRENCH
+from test.campaigns.faults.wire import Wire
 
 if TYPE_CHECKING:
     from test.campaigns.attacks.suite import Stage
@@ -61,8 +61,8 @@ def _flood(topic: str) -> Attack:
     def flood(stage: Stage) -> str:
         words = python_module("test.campaigns.attacks.flood", topic, str(FLOOD_HZ), str(FLOOD_S))
         child = stage.start("flood", words)
-        stage.wait(60.0, lambda: child.exit_code is not None)
-        child.wait(1.0)
+        stage.wait(60.0, lambda: child.poll() is not None)
+        child.has_ended(1.0)
         return str(child.lines[-1]) if child.lines else ""
 
     return flood
@@ -82,6 +82,19 @@ def giants(stage: Stage) -> str:
             for _ in range(5):
                 publisher.publish(made)
                 stage.wait(0.1)
+    return ""
+
+
+def broken(stage: Stage) -> str:
+    """Messages with bad numbers, wrong names, bits that are flipped and ends that are cut or lengthened."""
+    rng, params = np.random.default_rng(1), stage.scenario.controller
+    for topic in (JOINT, WRENCH, SLIP):
+        wire, made = Wire(topic, params.joint_names, params.ee_frame), message(topic)
+        kinds = ("corrupt_bytes", "corrupt_values", *["wrong_names"] * (topic == JOINT))
+        with _publisher(stage, topic, type(made)) as publisher:
+            for k in range(150):
+                publisher.publish(wire.damaged(message(topic), kinds[k % len(kinds)], rng))
+                stage.wait(0.005)
     return ""
 
 
@@ -118,15 +131,18 @@ def wrong_types(stage: Stage) -> str:
 
 
 VALUES: Final[tuple[Any, ...]] = (math.nan, 1e300, 5e-324, -1.0, 1, True, "x" * 1000, [1.0] * 6, ["a"] * 100)
+TRIGGERS: Final = ("enable", "hold", "reset_fault", "tare")
 NAMES: Final = ("gains.stiffness", "gains.k_s", "object.mass", "grip.force", "mode", "", "no.such", "use_sim_time")
 
 
 def storm(stage: Stage) -> str:
-    """Any transition of the controller and any parameter of both nodes, at once and as fast as calls can be made."""
+    """Any transition and request of the controller, any parameter of both nodes, as fast as calls can be made."""
     rng, futures = np.random.default_rng(28), []
     change = stage.node.create_client(ChangeState, f"/{NODES[CONTROLLER]}/change_state")
     setters = [stage.node.create_client(SetParameters, f"/{node}/set_parameters") for node in NODES.values()]
-    stage.wait(5.0, lambda: all(client.service_is_ready() for client in (change, *setters)))
+    triggers = [stage.node.create_client(Trigger, f"/{NODES[CONTROLLER]}/{name}") for name in TRIGGERS]
+    clients = (change, *setters, *triggers)
+    stage.wait(5.0, lambda: all(client.service_is_ready() for client in clients))
     end = time.monotonic() + STORM_S
     while time.monotonic() < end:
         # A single call is an operator's wish: the first ones do not end the node.
@@ -134,11 +150,13 @@ def storm(stage: Stage) -> str:
         futures.append(change.call_async(ChangeState.Request(transition=Transition(id=number))))
         values = [Parameter(name, value=VALUES[int(rng.integers(len(VALUES)))]).to_parameter_msg() for name in NAMES]
         futures += [client.call_async(SetParameters.Request(parameters=values)) for client in setters]
+        futures += [client.call_async(Trigger.Request()) for client in rng.permutation(np.array(triggers))[:2]]
         stage.wait(0.002)
     stage.wait(CALM_S)
-    for number in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE):
+    back = (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE)
+    for number in back if change.service_is_ready() else ():  # the native node has no lifecycle
         stage.wait(5.0, change.call_async(ChangeState.Request(transition=Transition(id=number))).done)
-    for client in (change, *setters):
+    for client in clients:
         stage.node.destroy_client(client)
     return f"{len(futures)} calls, {sum(future.done() for future in futures)} answered"
 
@@ -155,7 +173,8 @@ def giant_requests(stage: Stage) -> str:
             (GetParameters, "get_parameters", GetParameters.Request(names=["gains.k_s"] * 100_000)),
         ):
             client = stage.node.create_client(kind, f"/{node}/{name}")
-            stage.wait(5.0, client.service_is_ready)
+            if not stage.wait(5.0, client.service_is_ready):
+                continue  # the native node has no parameters
             future, began = client.call_async(request), time.monotonic()
             stage.wait(20.0, future.done)
             slowest = max(slowest, time.monotonic() - began)
@@ -175,9 +194,7 @@ def stop_controller(stage: Stage) -> str:
 
 def second_controller(stage: Stage) -> str:
     """Another controller under the same name, on the same topics."""
-    folder = stage.folder / "second"
-    folder.mkdir(exist_ok=True)
-    stage.start("second controller", node_command(CONTROLLER, stage.scenario.controller, folder))
+    stage.start_controller("second")
     stage.wait(STARTS_S)
     return ""
 
@@ -198,6 +215,7 @@ ATTACKS: Final[dict[str, Attack]] = {
     "20 kHz of joint states": _flood("joint_states"),
     "20 kHz of effort commands": _flood("effort_command"),
     "giant arrays and texts": giants,
+    "messages that are none": broken,
     "stamps of 1970 and 2038": years,
     "our names with wrong types": wrong_types,
     "transitions and parameters at once": storm,

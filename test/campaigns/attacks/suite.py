@@ -23,13 +23,14 @@ from slip_core.errors import ProtocolError
 from slip_core.stamps import stamp_to_ns
 from slip_msgs_py.environment import choose_transport
 from slip_msgs_py.qos import create_subscription
-from slip_vic.run.commands import node_command
+from slip_vic.run.commands import native_command, node_command
 from slip_vic.run.domain import domain_id
 from slip_vic.run.prepare import prepare
 from slip_vic.run.processes import Child, ProcessGroup, child_environment
 from slip_vic.scenarios.scenario import Scenario
+from slip_vic.setup.export import write_node
 from slip_vic_controller.robot import Robot
-from slip_vic_controller.safety.effort_limiter import LONGEST_STEP_S
+from slip_vic_controller.safety.limits import LONGEST_STEP_S
 from test.campaigns.attacks.attacks import ATTACKS, TWO_SOURCES
 from test.campaigns.attacks.flood import FOREIGN
 from test.campaigns.attacks.operator import Operator
@@ -90,22 +91,27 @@ class CommandWatch:
         params = scenario.controller
         rate = params.safety.limits.effort_rate if effort_rate is None else effort_rate
         most = Robot(scenario.urdf, params.ee_frame, params.joint_names, params.gravity).effort_limit
-        # By the stamps of the states that they answer, between which a cycle may take the longest step.
+        # By the stamps of the states that they answer, between which a cycle may take the longest step, whoever sent
+        # the second one, and however soon after the first.
         slope, pause_s = rate * LONGEST_STEP_S / PERIOD_S, params.safety.inputs.age_s
         self._wire = Wire(EFFORT, params.joint_names, params.ee_frame)
         self.monitor = CommandMonitor(Promise(most, slope, pause_s, pause_s, PERIOD_S))
-        self.judges_steps, self._stamp_ns = True, 0
+        self.judges_steps, self._paused, self._stamp_ns, self._sent_ns, self._now_ns = True, False, 0, 0, 0
+        self._pause_ns = 0.8e9 * pause_s
 
-    def take(self, data: bytes) -> None:
-        """Judge a command, unless an attacker sent it."""
+    def take(self, data: bytes, info: Any) -> None:
+        """Judge a command, unless an attacker sent it; info: of the middleware."""
         if FOREIGN.encode() in data:
             return
         message = self._wire.typed(data)
         effort, stamp_ns = np.array(message.effort), stamp_to_ns(message.header.stamp)
-        if not self.judges_steps or stamp_ns <= self._stamp_ns:
+        # What stood still between a cycle's beginning and its command, or before it, counts as a pause in one of two.
+        paused, self._paused = self._paused, info["source_timestamp"] - self._sent_ns > self._pause_ns
+        if not self.judges_steps or stamp_ns <= self._stamp_ns or paused or self._paused:
             self.monitor.restarted()
-        self._stamp_ns = stamp_ns
-        self.monitor.take(stamp_ns, effort, lambda: [effort], stamp_ns)
+        self._now_ns += max(stamp_ns - self._stamp_ns, round(1e9 * PERIOD_S))
+        self._stamp_ns, self._sent_ns = stamp_ns, info["source_timestamp"]
+        self.monitor.take(self._now_ns, effort, lambda: [effort], stamp_ns)
 
 
 class Stage:
@@ -118,20 +124,22 @@ class Stage:
         environment: of the processes.
         folder: for parameter files.
         effort_rate: as for `CommandWatch`.
+        native: a built export whose node is the controller; None: the Python node.
     """
 
     def __init__(
         self, node: Node, executor: Any, group: ProcessGroup, environment: dict[str, str], folder: Path,
-        effort_rate: float | None = None,
+        effort_rate: float | None = None, native: Path | None = None,
     ) -> None:  # fmt: skip
         self.node, self.folder, self.scenario = node, folder, endless_scenario(USUAL)
         self._group, self._environment = group, environment
+        self._native = native and with_numbers(native, self.scenario, folder / "native")
         self.watch = CommandWatch(self.scenario, effort_rate)
         self.operator = Operator(node, executor)
         create_subscription(node, EFFORT, self.watch.take, depth=1000, reliable=True, raw=True)
         self._nodes = {
-            name: self.start(name, node_command(name, getattr(self.scenario, name), folder))
-            for name in (CONTROLLER, BRIDGE)
+            CONTROLLER: self.start_controller(CONTROLLER),
+            BRIDGE: self.start(BRIDGE, node_command(BRIDGE, self.scenario.bridge, folder)),
         }
 
     def wait(self, seconds: float, until: Callable[[], bool] = lambda: False) -> bool:
@@ -141,6 +149,13 @@ class Stage:
     def pid(self, name: str) -> int:
         """Return the process id of controller or bridge."""
         return self._nodes[name].pid
+
+    def start_controller(self, name: str) -> Child:
+        """Start a controller."""
+        params, folder = self.scenario.controller, self.folder / name
+        folder.mkdir(exist_ok=True)
+        native = self._native and native_command(self._native, params)
+        return self.start(name, native or node_command(CONTROLLER, params, folder))
 
     def start(self, name: str, argv: Sequence[str]) -> Child:
         """Start a process on the same domain."""
@@ -173,9 +188,9 @@ class Stage:
         recovery_s = time.monotonic() - ended if not helped or self._returns(BACK_S) else None
         rate = (self._lines() - lines) / (time.monotonic() - began)
         deaths = [
-            f"{child.name} ended with exit code {child.exit_code}:\n{child.tail()}"
+            f"{child.name} ended with exit code {child.poll()}:\n{child.tail()}"
             for child in self._nodes.values()
-            if child.exit_code is not None
+            if child.poll() is not None
         ]
         return Row(
             attack=name, violations=(*self.watch.monitor.violations, *deaths), alive=not deaths,
@@ -198,8 +213,8 @@ class Stage:
 
 
 @contextlib.contextmanager
-def stage(effort_rate: float | None = None) -> Iterator[Stage]:
-    """Give fresh nodes in a domain of their own."""
+def stage(effort_rate: float | None = None, native: Path | None = None) -> Iterator[Stage]:
+    """Give fresh nodes in a domain of their own; arguments as for `Stage`."""
     prepare()  # otherwise both nodes compile at the same time
     choose_transport()
     with domain_id() as domain, tempfile.TemporaryDirectory(prefix="slip_vic_attacks_") as folder:
@@ -209,18 +224,28 @@ def stage(effort_rate: float | None = None) -> Iterator[Stage]:
         executor.add_node(node)
         try:
             with ProcessGroup() as group:
-                yield Stage(node, executor, group, child_environment(domain), Path(folder), effort_rate)
+                yield Stage(node, executor, group, child_environment(domain), Path(folder), effort_rate, native)
         finally:
             executor.shutdown()
             node.destroy_node()
             rclpy.try_shutdown()
 
 
-def run_attacks(names: Iterable[str], out: Path, on_done: Callable[[Row], None]) -> list[Row]:
-    """Run attacks one after the other, each on fresh nodes; write attacks.json."""
+def with_numbers(native: Path, scenario: Scenario, folder: Path) -> Path:
+    """Return a folder with the node of a built export and the numbers of a scenario."""
+    folder.mkdir()
+    (folder / "build").symlink_to((native / "build").resolve())
+    write_node(scenario, folder)
+    return folder
+
+
+def run_attacks(
+    names: Iterable[str], out: Path, on_done: Callable[[Row], None], native: Path | None = None
+) -> list[Row]:
+    """Run attacks one after the other, each on fresh nodes; write attacks.json. native: as for `Stage`."""
     rows = []
     for name in names:
-        with stage() as attacked:
+        with stage(native=native) as attacked:
             rows.append(attacked.attack(name))
         out.mkdir(parents=True, exist_ok=True)
         text = json.dumps([dataclasses.asdict(row) | {"kept": row.kept} for row in rows], indent=1)

@@ -14,7 +14,7 @@ from slip_core.records import new
 from slip_core.types import JointSample
 from slip_sim_bridge.session import ArmOutputs
 from slip_vic.run.in_process import ClosedLoop, run_in_process
-from slip_vic.scenarios.scenario import Scenario, load_scenario
+from slip_vic.scenarios.scenario import Scenario, load
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.robot import Robot
 from slip_vic_controller.session.cycle_result import CycleResult
@@ -64,13 +64,13 @@ def stretch(scenario: Scenario, ticks: int = SETTLE_TICKS) -> Stretch:
     """Run a scenario in process up to a tick and return the ticks that follow."""
     loop, inputs = ClosedLoop(scenario), []
     for _ in range(ticks):
-        loop.bridge.advance([loop.control(loop.observe()).command])
+        loop.bridge.advance([loop.answer(loop.bridge.observe())[0].command])
     session = ControllerSession(one_arm(scenario.controller, scenario.urdf, lockstep=False))
     session.buffer[:] = loop.session.buffer
     for _ in range(STRETCH):
-        outputs = loop.observe()
+        outputs = loop.bridge.observe()
         inputs.append(outputs.arms[0])
-        loop.bridge.advance([loop.control(outputs).command])
+        loop.bridge.advance([loop.answer(outputs)[0].command])
     return Stretch(scenario, session, session.buffer[:STATE_SIZE].copy(), tuple(inputs))
 
 
@@ -121,9 +121,9 @@ def supervised_loop_factor(scenario: Scenario, ticks: int) -> float:
 
 def observer_scenario() -> Scenario:
     """Return the scenario with the slip observer."""
-    return load_scenario(SCENARIO, assignments=("controller.slip_estimator=observer",))
+    return load(SCENARIO, law="vic", set=("controller.slip_estimator=observer",))
 
 
 def governed_scenario(drive: str = "") -> Scenario:
     """Return the scenario below the reference governor; with drives the joint state estimator is on."""
-    return load_scenario(SCENARIO, law="governed", drive=drive)
+    return load(SCENARIO, law="governed", drive=drive)

@@ -8,8 +8,7 @@ from typing import Any, Final, NamedTuple
 
 import pandas as pd
 
-from slip_vic.run.processes import ANYWHERE, Scheduling
-from slip_vic.scenarios.scenario import load_scenario
+from slip_vic.scenarios.scenario import load
 from test.campaigns.bench import cost, dds
 from test.campaigns.bench.machine import calibration_s, fifo_permitted, machine
 
@@ -87,8 +86,8 @@ def over_rounds(rounds: pd.DataFrame) -> pd.DataFrame:
 
 
 def _rounds(effort: Effort, say: Say) -> pd.DataFrame:
-    vic = load_scenario(cost.SCENARIO)
-    scenario = load_scenario(cost.SCENARIO, assignments=(f"bridge.duration_s={effort.lockstep_s}",))
+    vic = load(cost.SCENARIO, law="vic")
+    scenario = load(cost.SCENARIO, law="vic", set=(f"bridge.duration_s={effort.lockstep_s}",))
     step = cost.stretch(vic)
     pieces: dict[str, cost.Call | cost.Stretch] = {
         "control step": step,
@@ -113,11 +112,11 @@ def _rounds(effort: Effort, say: Say) -> pd.DataFrame:
 
 def _free_running(effort: Effort) -> pd.DataFrame:
     """Run in real time with the recorder at every rate, as normal processes and under SCHED_FIFO where permitted."""
-    kinds = {"normal": ANYWHERE} | ({"fifo": Scheduling(fifo=FIFO_PRIORITY)} if fifo_permitted() else {})
+    kinds = {"normal": None} | ({"fifo": FIFO_PRIORITY} if fifo_permitted() else {})
     rows = {}
     for rate in RATES_HZ:
-        for kind, scheduling in kinds.items():
-            result = dds.free_run(rate, effort.free_s, scheduling)
+        for kind, fifo in kinds.items():
+            result = dds.free_run(rate, effort.free_s, fifo)
             rows[f"{rate}_{kind}"] = {
                 "fresh": result.timing["fresh_share"], "missed": result.timing["missed"],
                 "recorder_lost": float(result.lost), "real_time_factor": result.real_time_factor,

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
+from scipy.stats import binomtest
 
 from slip_vic.experiments.engines import Died, PoolEngine
-from slip_vic.experiments.statistics import clopper_pearson
 from test.campaigns.faults.plan import Verdict, make_plan
 
 
@@ -34,7 +34,7 @@ def summary(verdicts: Sequence[Verdict]) -> dict[str, Any]:
     return {
         "trials": len(frame),
         "violations": int(frame["failed"].sum()),
-        "bound_95": clopper_pearson(int(frame["failed"].sum()), len(frame), 0.9)[1],
+        "bound_95": float(binomtest(int(frame["failed"].sum()), len(frame)).proportion_ci(0.9).high),
         "commands": int(frame["commands"].sum()),
         "modes": dict(modes),
         "objects_lost": int(frame["objects_lost"].sum()),
@@ -44,9 +44,11 @@ def summary(verdicts: Sequence[Verdict]) -> dict[str, Any]:
     }
 
 
-def run_campaign(trials: Iterable[int], seed: int, interface: str, workers: int) -> Iterator[Verdict]:
-    """Run trials in spawned workers; the results do not depend on their number or order."""
-    judge_one = partial(judge, interface=interface)
+def run_campaign(
+    trials: Iterable[int], seed: int, interface: str, workers: int, native: Path | None = None
+) -> Iterator[Verdict]:
+    """Run trials in spawned workers; the results do not depend on their number or order. native: as for `judge`."""
+    judge_one = partial(judge, interface=interface, native=native)
     if workers == 1:
         yield from (judge_one(seed, trial) for trial in trials)
         return
@@ -68,11 +70,12 @@ def _no_stderr() -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
 
 
-def judge(seed: int, trial: int, interface: str = "") -> Verdict:
-    """Run one trial."""
+def judge(seed: int, trial: int, interface: str = "", native: Path | None = None) -> Verdict:
+    """Run one trial; native: a built export whose session runs beside Python's."""
+    from test.campaigns.faults.beside import BesideNative
     from test.campaigns.faults.trial import run_trial
 
-    return run_trial(make_plan(seed, trial, interface))
+    return run_trial(make_plan(seed, trial, interface), partial(BesideNative, native=native) if native else None)
 
 
 def write_results(out: Path, verdicts: Sequence[Verdict]) -> Path:

@@ -30,6 +30,11 @@ SHOWN_VIOLATIONS = 5
 )
 @click.option("--attacks", "attacking", is_flag=True, help="attack node processes over DDS instead")
 @click.option("--only", multiple=True, metavar="NAME", help="only attacks whose name contains this; repeatable")
+@click.option(
+    "--native",
+    type=click.Path(path_type=Path),
+    help="a built slip-vic export: attack its node, or compare its session with Python's in every trial, bit by bit",
+)
 @click.option("--workers", type=click.IntRange(1), help="worker processes; default one per core")
 @click.option("-o", "--out", type=click.Path(path_type=Path), default=Path("out/faults"), show_default=True)
 def faults(
@@ -40,6 +45,7 @@ def faults(
     interface: str | None,
     attacking: bool,
     only: tuple[str, ...],
+    native: Path | None,
     workers: int | None,
     out: Path,
 ) -> None:
@@ -48,11 +54,13 @@ def faults(
     Exit code 1 where a trial shows otherwise; the command that repeats it is printed. Violations are printed as they
     are found; Ctrl-C ends with the summary so far.
     """
-    from test.campaigns.faults import campaign
+    from test.campaigns.faults import beside, campaign
 
     if attacking:
-        _attack(only, out)
+        _attack(only, out, native)
         return
+    if native is not None:
+        beside.compile_beside(native)
     console, verdicts, failed = Console(stderr=True), list[campaign.Verdict](), list[campaign.Verdict]()
 
     try:
@@ -60,7 +68,7 @@ def faults(
             report = add_bar("fault trials", trials)
             processes = workers or min(trials, os.cpu_count() or 1)
             chosen = range(first, first + trials)
-            for verdict in campaign.run_campaign(chosen, seed, interface or "", processes):
+            for verdict in campaign.run_campaign(chosen, seed, interface or "", processes, native):
                 verdicts.append(verdict)
                 if verdict.violations:
                     failed.append(verdict)
@@ -72,13 +80,13 @@ def faults(
             _report(campaign.summary(verdicts))
             click.echo(f"results: {path}")
     for verdict in failed[:SHOWN_VIOLATIONS]:
-        flag = f" --interface {interface}" if interface else ""
+        flag = (f" --interface {interface}" if interface else "") + (f" --native {native}" if native else "")
         click.echo(f"{verdict.text()}\n  again: ./run faults{flag} --seed {seed} --first {verdict.trial} --trials 1")
     if failed:
         sys.exit(1)
 
 
-def _attack(only: tuple[str, ...], out: Path) -> None:
+def _attack(only: tuple[str, ...], out: Path, native: Path | None) -> None:
     from test.campaigns.attacks.attacks import ATTACKS
     from test.campaigns.attacks.suite import Row, run_attacks
 
@@ -99,7 +107,7 @@ def _attack(only: tuple[str, ...], out: Path) -> None:
             click.echo(f"  {text}", err=True)
 
     try:
-        rows = run_attacks(names, out, on_done)
+        rows = run_attacks(names, out, on_done, native)
     finally:
         if table:
             columns = ["promise", "worst mode", "law again [s]"]

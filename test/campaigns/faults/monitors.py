@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_vic_controller.arm.estimator import BLIND_S
-from slip_vic_controller.params.safety_params import SafetyParams
+from slip_vic_controller.params.controller_params import SafetyParams
 from test.campaigns.faults.plan import JOINT, SLIP, WRENCH
 
 Numbers = NDArray[np.float64]

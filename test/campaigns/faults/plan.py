@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from slip_vic.presets import preset_names
-from slip_vic.scenarios.scenario import Law, Scenario, load_scenario
+from slip_vic.scenarios.scenario import Law, Scenario, load
 
 JOINT, WRENCH, SLIP, EFFORT = "joint_states", "wrench", "slip_velocity", "effort_command"
 TOPICS = (JOINT, WRENCH, SLIP, EFFORT)
@@ -204,15 +204,15 @@ def realtime_scenario(
         f"controller.control_period_s={PERIOD_S}", f"bridge.control_period_s={PERIOD_S}",
         "controller.gains.k_s=100.0", "bridge.duration_s=1e6",
     )  # fmt: skip
-    return load_scenario(
-        name, law=controller, mode="realtime", assignments=(*usual, *assignments),
+    return load(
+        name, law=controller, mode="realtime", set=(*usual, *assignments),
         sensor="" if sensor == IDEAL else sensor, drive="" if drive == IDEAL else drive,
     )  # fmt: skip
 
 
 def endless_scenario(plan: Plan) -> Scenario:
     """Return a lemniscate without end, on a grip that survives most faults and that the governor is configured for."""
-    usual, grip_n = load_scenario(plan.scenario), GRIP_N[plan.scenario]
+    usual, grip_n = load(plan.scenario, law="vic"), GRIP_N[plan.scenario]
     friction_n = usual.controller.governor.friction_limit * grip_n / usual.bridge.grip.force
     assignments = (
         f"bridge.grip.force={grip_n}", f"controller.governor.friction_limit={friction_n}",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections import Counter
+from collections.abc import Callable
 from contextlib import suppress
 from functools import cache, partial
 from typing import Any
@@ -19,12 +20,12 @@ from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.plant import DivergenceError
 from slip_sim_bridge.session import BridgeSession
 from slip_vic.scenarios.scenario import Law, Scenario
+from slip_vic_controller.config.controller import ArmController, Controller
 from slip_vic_controller.node.arm_topics import STATE_DEPTH
-from slip_vic_controller.params.node_params import ControllerNodeParams
-from slip_vic_controller.safety.effort_limiter import LONGEST_STEP_S
-from slip_vic_controller.safety.modes import Mode, Request
+from slip_vic_controller.params.controller_params import ControllerParams
+from slip_vic_controller.safety.conditions import Mode, Request
+from slip_vic_controller.safety.limits import HELD, LONGEST_STEP_S
 from slip_vic_controller.safety.validation import ACCEPT_AFTER
-from slip_vic_controller.session.controller import ArmController, Controller
 from slip_vic_controller.session.cycle_result import CycleResult
 from slip_vic_controller.session.session import RETUNABLE
 from slip_vic_controller.sizes import MAX_JOINTS
@@ -64,6 +65,7 @@ DURATION_S = 1.8
 START_NS = 1_000_000_000_000  # of the wall clock
 STEADY_NS = 5_000_000_000
 RESTART_S = 0.2  # time from the start of a node to its first message
+NewSession = Callable[[Controller, Scenario], OneArm]
 GOAL_TICKS, GOAL_STEP, AMPLITUDE = 100, np.array((0.0, 0.06, 0.02)), 0.02  # of goals [m] and references [m]
 
 
@@ -153,10 +155,12 @@ class Trial:
 
     Args:
         plan: what happens.
+        new: makes the session that controls.
     """
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: Plan, new: NewSession | None = None) -> None:
         self._plan = plan
+        self._new: NewSession = new or (lambda law, _: OneArm(law))
         self.scenario, self._law = prepared(
             plan.scenario, plan.observer, plan.controller, plan.sensor, plan.drive, plan.task, plan.wrench
         )  # fmt: skip
@@ -216,7 +220,7 @@ class Trial:
 
     def _run(self) -> None:
         self._bridge = self._new_bridge(self._bridge_params, START_NS)
-        self._controller: OneArm | None = OneArm(self._law)
+        self._controller: OneArm | None = self._new(self._law, self.scenario)
         last_end = max(fault.end_s for fault in self._plan.faults)
         for tick in range(round(DURATION_S / PERIOD_S)):
             t = tick * PERIOD_S
@@ -226,7 +230,7 @@ class Trial:
                 self._safe.stood_still(PERIOD_S, (WRENCH, SLIP))
             if self._bridge_runs(t):
                 self._observe(t)
-            if not self._controller_lives():
+            if self._controller is None:
                 for name in (JOINT, WRENCH, SLIP):  # what is sent while nobody is there is gone
                     self._channels[name].arrivals(self._now_ns)
             elif not self._stopped(CONTROLLER, t):
@@ -239,7 +243,7 @@ class Trial:
                 if held != self._held:
                     self._held = held
                     self._joints.begin_again()  # another one holds the arm from now on, and begins from its motion
-                if self._slipped() > LOST_M:
+                if np.abs(self._bridge.simulation.observe(0).truth.slip_displacement[:3]).max() > LOST_M:
                     self._lost += 1
                     self._restart_bridge(t + PERIOD_S + RESTART_S)
             follows = self._controller is not None and self._controller.mode.follows
@@ -248,18 +252,10 @@ class Trial:
             if not follows:
                 self._recovered = None if t < last_end else self._recovered
 
-    def _slipped(self) -> float:
-        """Return the largest coordinate of the object's slip displacement [m]."""
-        readings = self._bridge.simulation.observe(0)
-        return max(map(abs, readings.read.slip_displacement[:3].tolist()))
-
     # -- nodes -------------------------------------------------------------------------------------
 
     def _stopped(self, node: str, t: float) -> bool:
         return bool(self._stops) and any(fault.target == node and fault.at(t) for fault in self._stops)
-
-    def _controller_lives(self) -> bool:
-        return self._controller is not None
 
     def _bridge_runs(self, t: float) -> bool:
         return t >= self._bridge_back and not self._stopped(BRIDGE, t)
@@ -279,7 +275,7 @@ class Trial:
             elif fault.kind in ("reset", "clock_jump", "gains", "parameter", "request", "grip"):
                 self._happen(fault)
         if self._controller is None and t >= self._controller_back:
-            self._controller = OneArm(self._law)
+            self._controller = self._new(self._law, self.scenario)
 
     def _happen(self, fault: Fault) -> None:
         """What happens at one moment, or begins at it."""
@@ -307,7 +303,7 @@ class Trial:
             name = names[int(1e6 * fault.size) % len(names)]
             values[name] = (change_factor(fault.size) * np.array(values[name], float)).tolist()
         with suppress(InputError):  # gains may be refused; that is no violation
-            controller.retune(build(ControllerNodeParams, values, "trial"))
+            controller.retune(build(ControllerParams, values, "trial"))
             # HOLD carries what it is told that the arm carries; softer with the same damping, it returns as much later.
             self._joints.begin_again()
             usual, now = (params.safety.hold_stiffness for params in (self.scenario.controller, controller.tuned))
@@ -370,7 +366,8 @@ class Trial:
                 add(0, delivery.sample, now_ns)
                 self._note(name, delivery)
         wild = next((f for f in self._plan.faults if f.kind.startswith("wild") and f.at(t)), None)
-        self._user.act(controller, t, self._bridge.simulation.observe(0).pad, wild)
+        truth = self._bridge.simulation.observe(0).truth
+        self._user.act(controller, t, (truth.pad_position, truth.pad_rotation), wild)
         commands = self._commands.commands
         damaged = any(f.kind in DAMAGED and f.target == JOINT and f.at(t) for f in self._plan.faults)
         for delivery in self._arrived(JOINT):
@@ -424,7 +421,8 @@ def promise_of(arm: ArmController, period_s: float) -> Promise:
 def starts_of(session: OneArm, joint: JointSample) -> list[NDArray[np.float64]]:
     """Return from where the first command may begin that answers this joint state.
 
-    An effort: what is felt, gravity compensation [N m]. A velocity or position: what is measured or estimated, rest.
+    An effort: what is felt, no farther from gravity compensation than HELD, or gravity compensation itself [N m].
+    A velocity or position: what is measured or estimated, rest.
     """
     interface = session.controller.params.command.interface
     if interface != "effort":
@@ -433,10 +431,16 @@ def starts_of(session: OneArm, joint: JointSample) -> list[NDArray[np.float64]]:
         known = estimate.position if interface == "position" else estimate.velocity
         found = [getattr(joint, interface), known[:n].copy(), rest[:n].copy()]
         return [start for start in found if np.isfinite(start).all()]
-    starts = [joint.effort] if np.isfinite(joint.effort).all() else []
-    return [*starts, session.state.law.gravity[: len(joint.position)].copy()] if session.begun else starts
+    felt = [joint.effort] if np.isfinite(joint.effort).all() else []
+    if not session.begun:
+        return felt
+    gravity, held = (
+        session.state.law.gravity[: len(joint.position)].copy(),
+        HELD * session.controller.robot.effort_limit,
+    )
+    return [*(np.clip(one, gravity - held, gravity + held) for one in felt), gravity]
 
 
-def run_trial(plan: Plan) -> Verdict:
-    """Run one plan in process."""
-    return Trial(plan).run()
+def run_trial(plan: Plan, new: NewSession | None = None) -> Verdict:
+    """Run one plan in process; arguments as for `Trial`."""
+    return Trial(plan, new).run()

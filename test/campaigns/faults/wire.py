@@ -8,23 +8,16 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.serialization import serialize_message
 
 from slip_core.errors import InputError
 from slip_core.topics import topic
-from slip_core.types import WrenchSample
-from slip_msgs_py.fast_io import Receiver
-from slip_msgs_py.messages import forms, from_msgs, to_msgs
+from slip_msgs_py.fast_io import typed
+from slip_msgs_py.messages import from_msgs, to_msgs
 from slip_msgs_py.qos import message_class
 from test.campaigns.faults.plan import EFFORT, JOINT, SLIP, WRENCH
 
 BAD_NUMBERS = (math.nan, math.inf, -math.inf, 1e308, -1e308, 1e30, -1e6, 1e3, 5e-324, -5e-324, 0.0)
-_FIELDS = {
-    JOINT: ("position", "velocity", "effort"),
-    WRENCH: ("wrench",),
-    SLIP: ("twist",),
-    EFFORT: ("position", "velocity", "effort"),
-}
 
 
 class Wire:
@@ -39,40 +32,39 @@ class Wire:
     def __init__(self, name: str, joint_names: tuple[str, ...], frame: str, interface: str = "effort") -> None:
         self.name, self._interface = name, interface
         self._joints, self._frame = joint_names, frame
-        learn: dict[str, Callable[[Any], Any]] = {
-            JOINT: partial(from_msgs.joint_samples, joints=joint_names),
-            EFFORT: partial(from_msgs.joint_commands, joints=joint_names, interface=interface),
-            WRENCH: partial(from_msgs.in_frame, frame=frame, make=WrenchSample),
-            SLIP: partial(from_msgs.in_frame, frame=frame, make=from_msgs.slip_sample),
+        read: dict[str, Callable[[Any], Any]] = {
+            JOINT: partial(from_msgs.joint_sample, joints=joint_names),
+            EFFORT: partial(from_msgs.joint_command, joints=joint_names, interface=interface),
+            WRENCH: partial(from_msgs.wrench_sample, frame=frame),
+            SLIP: partial(from_msgs.slip_velocity, frame=frame),
         }
-        self._class = message_class(topic(name).type)
-        self._receiver: Receiver[Any] = Receiver(topic(name).type, _FIELDS[name], learn[name])
+        self._class, self._read = message_class(topic(name).type), read[name]
 
     def message(self, sample: Any) -> Any:
         """Return the typed message of a sample."""
         if self.name == JOINT:
-            return forms.joint_state(self._joints).message(
+            return to_msgs.joint_state(self._joints).message(
                 sample.stamp_ns, sample.position, sample.velocity, sample.effort
             )
         if self.name == EFFORT:
             numbers = [
                 sample.numbers if self._interface == field else () for field in ("position", "velocity", "effort")
             ]
-            return forms.joint_state(self._joints).message(sample.stamp_ns, *numbers)
+            return to_msgs.joint_state(self._joints).message(sample.stamp_ns, *numbers)
         if self.name == WRENCH:
-            return forms.wrench(self._frame).message(sample.stamp_ns, sample.wrench)
-        return forms.twist(self._frame).message(sample.stamp_ns, to_msgs.slip_numbers(sample))
+            return to_msgs.wrench(self._frame).message(sample.stamp_ns, sample.wrench)
+        return to_msgs.twist(self._frame).message(sample.stamp_ns, to_msgs.slip_numbers(sample))
 
     def receive(self, data: bytes) -> Any | None:
         """Return the sample that the node makes of bytes, None where it refuses them."""
         try:
-            return self._receiver(data)
+            return self._read(self.typed(data))
         except InputError:
             return None
 
     def typed(self, data: bytes) -> Any:
-        """Return the typed message of bytes that are one."""
-        return deserialize_message(data, self._class)
+        """Return the typed message of bytes; InputError where they are none."""
+        return typed(data, self._class)
 
     def damaged(self, message: Any, kind: str, rng: np.random.Generator) -> bytes:
         """Damage a typed message and return its bytes."""

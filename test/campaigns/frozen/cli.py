@@ -25,15 +25,15 @@ def frozen() -> None:
 def run(*, prefix: str, laws: str, jobs: int, out: Path) -> None:
     """Run the frozen worlds under laws of the controller."""
     from slip_core.errors import UnknownName
-    from slip_vic.experiments.engines import open_engine
+    from slip_vic.experiments.engines import PoolEngine
     from slip_vic.experiments.runner import fill, under_laws
-    from slip_vic.experiments.world import OWN_LAWS
+    from slip_vic.scenarios.scenario import LAWS
     from test.campaigns.frozen.worlds import worlds_of
 
     for law in names(laws):
-        if law not in OWN_LAWS:
-            raise UnknownName("law", law, OWN_LAWS)
-    with open_engine("pool", jobs) as workers:
+        if law not in LAWS:
+            raise UnknownName("law", law, LAWS)
+    with PoolEngine(jobs) as workers:
         rows, there = fill(out, "frozen", under_laws(worlds_of(prefix), names(laws)), workers)
     click.echo(f"{there} of {len(rows)} runs were there already; {out}")
 

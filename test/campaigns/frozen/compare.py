@@ -13,7 +13,6 @@ from scipy.stats import binomtest
 
 from slip_vic.experiments.run import CARRIED, Row, kind_of
 from slip_vic.experiments.run import KINDS as ALL_KINDS
-from slip_vic.experiments.statistics import clopper_pearson
 
 GREW_M: Final = 3e-4
 """Slip path by which a run counts as grown [m]."""
@@ -167,5 +166,5 @@ def table_of(lines: Sequence[Line]) -> str:
 
 
 def _count(line: Line, kind: str) -> str:
-    low, high = clopper_pearson(line.now[kind], line.worlds)
-    return f"{line.now[kind]} ({line.before[kind]}) {100.0 * low:.1f} to {100.0 * high:.1f} %"
+    bounds = binomtest(line.now[kind], line.worlds).proportion_ci()
+    return f"{line.now[kind]} ({line.before[kind]}) {100.0 * bounds.low:.1f} to {100.0 * bounds.high:.1f} %"

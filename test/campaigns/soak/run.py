@@ -12,7 +12,7 @@ from typing import Final
 import psutil
 
 from slip_vic.run.launcher import Launcher, RunResult
-from slip_vic.scenarios.scenario import Scenario, load_scenario
+from slip_vic.scenarios.scenario import Scenario, load
 from test.campaigns.soak.growth import Sample, sample_process
 
 SAMPLES: Final = 360
@@ -22,10 +22,10 @@ SHORTEST_S: Final = 0.5
 def soak_scenario(name: str, minutes: float, rate_hz: float) -> Scenario:
     """Return a scenario of that length: a lemniscate round after round, with the observer."""
     period_s, seconds = 1.0 / rate_hz, 60.0 * minutes
-    return load_scenario(
-        name,
+    return load(
+        name, law="vic",
         mode="realtime",
-        assignments=(
+        set=(
             f"controller.control_period_s={period_s}", f"bridge.control_period_s={period_s}",
             "controller.slip_estimator=observer", "bridge.grip.force=2.0", "controller.trajectory.kind=lemniscate",
             "controller.trajectory.radius=0.06", f"controller.trajectory.duration_s={seconds + 60.0}",

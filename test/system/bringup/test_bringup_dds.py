@@ -9,7 +9,8 @@ from typing import Any
 
 import pytest
 
-from slip_vic.scenarios.scenario import load_scenario, read_parameters
+from slip_sim_bridge.params import BridgeParams
+from slip_vic.scenarios.scenario import load, read_parameters
 from slip_vic.setup.bringup.hands import Simulated
 from slip_vic.setup.bringup.heard import BRIDGE
 from slip_vic.setup.bringup.walk import Walk
@@ -24,8 +25,8 @@ SENSOR = ("bridge.sensors.slip.rate_hz=120.0", "bridge.sensors.slip.latency_s=0.
 def run_bringup(processes: Processes, out: Path) -> tuple[int, str]:
     command = ("-m", "slip_vic.cli", "bringup", "--simulated", "--namespace", ARM, "--out", out)
     child = processes.python("bringup", *command)
-    wait_until(lambda: child.exit_code is not None, "the end of the bring-up", 120.0, seen=child.tail)
-    return int(child.exit_code or 0), child.tail()
+    wait_until(lambda: child.poll() is not None, "the end of the bring-up", 150.0, seen=child.tail)
+    return int(child.poll() or 0), child.tail()
 
 
 @pytest.mark.smoke
@@ -43,14 +44,14 @@ def test_a_healthy_system_is_led_to_its_first_motion_and_an_error_is_found(
     measured = read_parameters(out)
     assert abs(measured["slip_sensor.rate_hz"] - 120.0) < 2.0
     assert abs(measured["slip_sensor.latency_s"] - 0.01) < 8e-3
-    known = load_scenario("paper_planar", parameters=measured).controller
+    known = load("paper_planar", law="vic", parameters=measured).controller
     assert known.slip_sensor.latency_s == measured["slip_sensor.latency_s"]
 
     system = RosSystem(ros_node, ARM)
     meanwhile = system.listen(0.1, lambda: time.sleep(1.0)).joints.stamp
     assert meanwhile[-1] - meanwhile[0] > 0.12, "what comes while something is begun is heard too"
     system.tune({"sensors.slip.faults.bias": [0.02, 0.0, 0.0, 0.0, 0.0, 0.0]}, BRIDGE)
-    hand = Simulated(system, system.parameters(["grip.force"], BRIDGE)["grip.force"])
+    hand = Simulated(system, system.parameters(BridgeParams, BRIDGE))
     last = list(Walk(system, hand).steps())[-1]
     assert last.step == "rest"
     assert "calibrate it" in last.fix

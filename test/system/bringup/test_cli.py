@@ -12,23 +12,10 @@ import pytest
 
 from slip_msgs_py.stop_flag import held_back
 from slip_vic.run.processes import child_environment
+from test.support.command import plain_environment, slip_vic
 from test.support.ros import wait_until
 
 DEADLINE_S = 150.0  # a hang: every command takes seconds
-
-
-def plain_environment(**more: str) -> dict[str, str]:
-    """Return the environment of a process that is nobody's child."""
-    environment = child_environment(0) | more
-    del environment["ROS_DOMAIN_ID"], environment["SLIP_VIC_EVENTS"]
-    return environment
-
-
-def slip_vic(*arguments: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "slip_vic.cli", *map(str, arguments)]
-    return subprocess.run(
-        command, capture_output=True, text=True, env=plain_environment(), timeout=DEADLINE_S, check=False
-    )
 
 
 def test_demo_refuses_a_folder_it_cannot_write() -> None:
@@ -207,8 +194,6 @@ def test_a_mistyped_name_is_answered_before_anything_heavy_is_loaded(words: list
 
 
 def test_without_a_command_there_is_help_and_no_error() -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "slip_vic.cli"], capture_output=True, text=True, timeout=60, check=False
-    )
+    done = slip_vic()
     assert (done.returncode, done.stderr) == (0, "")
     assert "Commands:" in done.stdout

@@ -13,7 +13,7 @@ import pytest
 from slip_bags.reader import Bag
 from slip_core.errors import InputError, ProtocolError
 from slip_vic.run.launcher import Launcher
-from slip_vic.scenarios.scenario import load_scenario
+from slip_vic.scenarios.scenario import load
 
 DEADLINE_S = 90.0
 
@@ -47,7 +47,7 @@ def kill_when_running(module: str, number: int) -> threading.Thread:
 
 def test_a_recorder_that_sleeps_for_a_while_loses_nothing(tmp_path: Path) -> None:
     """A machine with other work does that to it; its queues and those of the publishers hold what comes meanwhile."""
-    scenario = load_scenario("paper_planar", law="vic", assignments=["bridge.duration_s=3.0"])
+    scenario = load("paper_planar", law="vic", set=["bridge.duration_s=3.0"])
     waking: list[threading.Timer] = []
 
     def sleep(sim_time_s: float) -> None:
@@ -60,9 +60,9 @@ def test_a_recorder_that_sleeps_for_a_while_loses_nothing(tmp_path: Path) -> Non
     result = Launcher(scenario, bag=tmp_path / "bag").run(sleep)
     waking[0].join()
     assert result.lost == 0
-    with Bag(tmp_path / "bag") as bag:
-        for topic in ("/joint_states", "/effort_command", "/controller/ledger"):
-            assert bag.topics[topic].message_count == result.ticks == 3000, topic
+    bag = Bag(tmp_path / "bag")
+    for topic in ("/joint_states", "/effort_command", "/controller/ledger"):
+        assert bag.topics[topic].message_count == result.ticks == 3000, topic
 
 
 @pytest.mark.parametrize(
@@ -74,7 +74,7 @@ def test_a_recorder_that_sleeps_for_a_while_loses_nothing(tmp_path: Path) -> Non
     ],
 )
 def test_a_killed_child_is_named_and_the_others_end(module: str, words: str, tmp_path: Path) -> None:
-    scenario = load_scenario("paper_planar", assignments=["bridge.duration_s=1000.0"])
+    scenario = load("paper_planar", law="vic", set=["bridge.duration_s=1000.0"])
     thread = kill_when_running(module, signal.SIGKILL)
     with pytest.raises(ProtocolError, match=words):
         Launcher(scenario, bag=tmp_path / "bag").run()
@@ -84,7 +84,7 @@ def test_a_killed_child_is_named_and_the_others_end(module: str, words: str, tmp
 
 @pytest.mark.smoke
 def test_a_signal_ends_the_run_and_keeps_a_whole_bag(tmp_path: Path) -> None:
-    scenario = load_scenario("paper_planar", assignments=["bridge.duration_s=1000.0"])
+    scenario = load("paper_planar", law="vic", set=["bridge.duration_s=1000.0"])
 
     def interrupt(sim_time_s: float) -> None:
         if sim_time_s > 0.02:
@@ -93,14 +93,14 @@ def test_a_signal_ends_the_run_and_keeps_a_whole_bag(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="interrupted: got a signal after"):
         Launcher(scenario, bag=tmp_path / "bag").run(interrupt)
     assert node_children() == []
-    with Bag(tmp_path / "bag") as bag:
-        assert bag.topics["/joint_states"].message_count > 0
-        assert set(bag.attachments) == {"arm.urdf", "scenario.yaml", "controller.params.yaml", "bridge.params.yaml"}
+    bag = Bag(tmp_path / "bag")
+    assert bag.topics["/joint_states"].message_count > 0
+    assert set(bag.attachments) == {"arm.urdf", "scenario.yaml", "controller.params.yaml", "bridge.params.yaml"}
 
 
 def test_nobody_waits_for_a_wrench_sensor_that_the_arm_does_not_have(tmp_path: Path) -> None:
     told = ("controller.wrench.source=none", "bridge.duration_s=0.1")
-    result = Launcher(load_scenario("paper_planar", law="governed", assignments=told), bag=tmp_path / "bag").run()
+    result = Launcher(load("paper_planar", law="governed", set=told), bag=tmp_path / "bag").run()
     assert result.lost == 0
-    with Bag(tmp_path / "bag") as bag:
-        assert "ACTIVE" in [message.value.data.split(":")[0] for message in bag.messages("/controller/mode")]
+    bag = Bag(tmp_path / "bag")
+    assert "ACTIVE" in [message.value.data.split(":")[0] for message in bag.messages("/controller/mode")]

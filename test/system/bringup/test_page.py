@@ -2,7 +2,6 @@
 
 import json
 import os
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +10,7 @@ import pytest
 from playwright.sync_api import Browser, Page
 
 from slip_bags.reader import Bag
-from test.support.browser import address_of, chromium, open_page, wait_until
+from test.support.browser import address_of, open_page, wait_until
 from test.system.conftest import DEMO_S
 
 MIDDLE_S = 0.9
@@ -19,12 +18,6 @@ MOST_BYTES = 5_000_000
 POSITION_TOLERANCE_M = 1e-6  # poses are float32
 FRAME_S = DEMO_S / 2000
 FEWEST_COLOURS = 50
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with chromium() as started:
-        yield started
 
 
 @pytest.fixture(scope="module")
@@ -101,9 +94,9 @@ def test_slider_moves_picture_and_numbers(opened: tuple[Page, list[str], Path]) 
     shot(page, "demo_middle")
     after = [picture(page, "classical", view) for view in ("arm", "grasp")]
     assert all(a != b for (_, a), (_, b) in zip(before, after, strict=True))
-    with Bag(out / "classical") as bag:
-        truth = bag.series("slip_truth")
-    row = int(np.searchsorted((truth.stamp_ns - truth.stamp_ns[0]) * 1e-9, MIDDLE_S - FRAME_S))
+    bag = Bag(out / "classical")
+    truth = bag.series("slip_truth")
+    row = int(np.searchsorted((truth.stamps - truth.stamps[0]) * 1e-9, MIDDLE_S - FRAME_S))
     near = 1e3 * np.linalg.norm(truth["position"][row : row + 5, :3], axis=1)  # the frame is at most one step older
     assert near.min() - 0.01 <= shown(page, "classical", "slip_mm") <= near.max() + 0.01
     assert errors == []
@@ -111,12 +104,11 @@ def test_slider_moves_picture_and_numbers(opened: tuple[Page, list[str], Path]) 
 
 def test_the_drawn_arm_is_where_the_controller_says(opened: tuple[Page, list[str], Path]) -> None:
     page, _, out = opened
-    with Bag(out / "vic") as bag:
-        poses = bag.series("controller/ee_pose")
-    last = poses.count - 1
-    go(page, float((poses.stamp_ns[last] - poses.stamp_ns[0]) * 1e-9) + FRAME_S)
+    bag = Bag(out / "vic")
+    poses = bag.series("controller/ee_pose")
+    go(page, float((poses.stamps[-1] - poses.stamps[0]) * 1e-9) + FRAME_S)
     drawn = page.evaluate("Array.from(window.slipPage.scenes[1].arms[0].robot.tip.matrixWorld.elements).slice(12, 15)")
-    recorded = [poses[f"pose.position.{axis}"][last] for axis in "xyz"]
+    recorded = [poses[f"pose.position.{axis}"][-1] for axis in "xyz"]
     np.testing.assert_allclose(drawn, recorded, atol=10 * POSITION_TOLERANCE_M)
 
 

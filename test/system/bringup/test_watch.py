@@ -4,7 +4,6 @@ import re
 import signal
 import urllib.error
 import urllib.request
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -12,7 +11,7 @@ from playwright.sync_api import Browser
 
 from slip_bags.reader import Bag
 from slip_vic.run.domain import domain_id
-from test.support.browser import chromium, open_page
+from test.support.browser import open_page
 from test.support.browser import wait_until as wait_in_page
 from test.support.ros import Processes, wait_until
 from test.support.two_arms import copy_bag
@@ -23,15 +22,9 @@ FRAMES = 10
 LASTS_S = 34.0  # time in which the bag is played, however long it was recorded: a page drawn late still sees the run
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with chromium() as started:
-        yield started
-
-
 def start_watch(processes: Processes, *arguments: object) -> tuple[object, str]:
     child = processes.python("watch", "-m", "slip_vic.cli", "watch", "--port", 0, *arguments)
-    wait_until(lambda: "http://" in child.tail() or child.exit_code is not None, "the address", seen=child.tail)
+    wait_until(lambda: "http://" in child.tail() or child.poll() is not None, "the address", seen=child.tail)
     found = re.search(r"http://\S+", child.tail())
     assert found is not None, child.tail()
     return child, found[0]
@@ -39,10 +32,10 @@ def start_watch(processes: Processes, *arguments: object) -> tuple[object, str]:
 
 def start_player(processes: Processes, folder: Path, *how: object) -> object:
     """Play the bag's topics in a namespace, slowly."""
-    with Bag(BAG) as bag:
-        names = [name for name in bag.topics if name not in ("/clock", "/diagnostics", "/tf")]
-        assert bag.span_ns is not None
-        rate = 1e-9 * (bag.span_ns[1] - bag.span_ns[0]) / LASTS_S
+    bag = Bag(BAG)
+    names = [name for name in bag.topics if name not in ("/clock", "/diagnostics", "/tf")]
+    assert bag.span_ns is not None
+    rate = 1e-9 * (bag.span_ns[1] - bag.span_ns[0]) / LASTS_S
     copy_bag(BAG, folder, {name: [f"/{NAMESPACE}{name}"] for name in names})
     return processes.python("player", "-m", "slip_bags.cli", "play", folder, "--rate", rate, *how)
 
@@ -56,8 +49,8 @@ def test_page_follows_what_runs(processes: Processes, browser: Browser, tmp_path
     wait_in_page(page, "document.getElementById('problem').hidden")
     assert page.evaluate("slipPage.plots.model.runs[0].arms.map(arm => arm.name)") == [NAMESPACE]
     assert page.evaluate("slipPage.player.end") > 0.0
-    with Bag(BAG) as bag:
-        states = bag.series("joint_states")["position"]
+    bag = Bag(BAG)
+    states = bag.series("joint_states")["position"]
     q = page.evaluate("Array.from(slipPage.plots.model.runs[0].arms[0].q.slice(0, 7))")
     assert min(abs(states - q).max(axis=1)) < 1e-6, "not a posture of the bag"
     wait_in_page(page, "document.querySelector('.run .mode').innerText === 'ACTIVE'")

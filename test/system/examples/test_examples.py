@@ -73,11 +73,11 @@ def test_the_cartesian_impedance_node_carries_the_pane_to_its_goal(processes: Pr
     words = ["--ros-args", "--params-file", parameters, "-p", f"duration_s:={1e-3 * TICKS}"]
     bridge = processes.python("bridge", "-m", "slip_sim_bridge.main", *words)
     while not subscription.get_publisher_count():  # time runs once the node is there: not before we listen
-        assert bridge.exit_code is None, bridge.tail()
+        assert bridge.poll() is None, bridge.tail()
         executor.spin_once(timeout_sec=0.1)
     node = processes.python("node", FOLDER / "cartesian_impedance_node.py")
     taken = -1
-    while bridge.exit_code is None or len(seen) > taken:  # also what is still in the queue at the end
+    while bridge.poll() is None or len(seen) > taken:  # also what is still in the queue at the end
         taken = len(seen)
         executor.spin_once(timeout_sec=1.0)
     assert len(seen) == TICKS

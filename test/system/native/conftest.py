@@ -10,8 +10,6 @@ import pytest
 from click.testing import CliRunner
 
 from slip_vic.cli import cli
-from slip_vic.scenarios.scenario import Scenario
-from slip_vic.setup.export import write_scenario
 
 SHORT = "bridge.duration_s=0.5"
 
@@ -40,11 +38,3 @@ def call(*command: str, cwd: Path) -> str:
     done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=600, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout + done.stderr
-
-
-def of_scenario(built: Path, scenario: Scenario, folder: Path) -> Path:
-    """Return a folder with the node of an export and the numbers of a scenario."""
-    folder.mkdir()
-    (folder / "build").symlink_to(built / "build")
-    write_scenario(scenario, folder)
-    return folder

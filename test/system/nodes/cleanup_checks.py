@@ -13,14 +13,14 @@ from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 
-from slip_vic.scenarios.scenario import NODES, load_scenario, ros_parameter_file
+from slip_vic.scenarios.scenario import NODES, load, ros_parameter_file
 from slip_vic_controller.node.controller_node import SlipVicController
 from slip_vic_controller.node.task_topics import TaskTopics
 
 
 @pytest.fixture
 def controller(ros_domain: int, tmp_path: Path) -> Iterator[SlipVicController]:
-    scenario = load_scenario("paper_planar", mode="realtime")
+    scenario = load("paper_planar", law="vic", mode="realtime")
     path = tmp_path / "controller.yaml"
     path.write_text(ros_parameter_file(scenario.controller, NODES["controller"][0]))
     arguments = ["--ros-args", "--params-file", str(path)]

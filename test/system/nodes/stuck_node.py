@@ -34,7 +34,7 @@ class Stuck:
 
 
 if __name__ == "__main__":
-    from slip_msgs_py.node_entry import main_of
+    from slip_msgs_py.node_main import main_of
 
     sys.exit(main_of("stuck_node", "Stuck", "stuck_node", "Gets stuck."))
 elif sys.argv[1:] == ["import"]:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from slip_vic.scenarios.scenario import NODES, load_scenario, ros_parameter_file
+from slip_vic.scenarios.scenario import NODES, load, ros_parameter_file
 from test.support.ros import Processes, call_service, wait_until
 
 ATTEMPTS, PATIENCE_S = 3, 8.0
@@ -20,17 +20,17 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class Watcher:
-    """Sees modes and commands, and calls services."""
+    """Sees modes and commands of an arm, by the prefix of its topics, and calls services."""
 
-    def __init__(self, node: Any) -> None:
+    def __init__(self, node: Any, prefix: str = "") -> None:
         from sensor_msgs.msg import JointState
         from std_msgs.msg import String
 
         self.node = node
         self.modes: list[str] = []
         self.commands: list[Any] = []
-        node.create_subscription(String, "controller/mode", lambda m: self.modes.append(m.data), LATCHED)
-        node.create_subscription(JointState, "effort_command", self.commands.append, 100)
+        node.create_subscription(String, f"{prefix}controller/mode", lambda m: self.modes.append(m.data), LATCHED)
+        node.create_subscription(JointState, f"{prefix}effort_command", self.commands.append, 100)
 
     def spin(self, condition: Any, what: str) -> None:
         from rclpy.executors import SingleThreadedExecutor
@@ -77,6 +77,18 @@ class Watcher:
 
         return self.call(Trigger, name if "/" in name else f"/slip_vic_controller/{name}", Trigger.Request())
 
+    def interfere(self, topic: str, wait_fault: Callable[[], None]) -> None:
+        """Publish efforts beside the controller, which is a fault; end it once the publisher is gone."""
+        from sensor_msgs.msg import JointState
+
+        foreign = self.node.create_publisher(JointState, topic, 1)
+        wait_fault()
+        self.node.destroy_publisher(foreign)
+        assert not self.trigger("enable").success
+        self.spin(lambda: self.node.count_publishers(topic) == 1, "the foreign publisher to go")
+        self.spin(lambda: self.trigger("reset_fault").success and "HOLD" in self.modes[-1], "HOLD after the reset")
+        assert self.trigger("enable").success
+
     def change(self, transition: int) -> bool:
         from lifecycle_msgs.msg import Transition
         from lifecycle_msgs.srv import ChangeState
@@ -114,7 +126,7 @@ def starter(processes: Processes, folder: Path) -> Start:
     """Return what starts nodes; their parameter files lie in `folder`."""
 
     def run(name: str, *assignments: str, script: Path | None = None) -> Any:
-        scenario = load_scenario("paper_planar", mode="realtime", assignments=assignments)
+        scenario = load("paper_planar", law="vic", mode="realtime", set=assignments)
         path = folder / f"{name}.yaml"
         path.write_text(ros_parameter_file(getattr(scenario, name), NODES[name][0]))
         node = [script] if script else ["-m", {"controller": CONTROLLER, "bridge": BRIDGE}[name]]
@@ -179,25 +191,16 @@ def test_services_move_the_mode(nodes: System) -> None:
 def test_watchdog_without_bridge_clock(nodes: System) -> None:
     watcher, bridge = nodes.watcher, nodes.bridge
     watcher.wait_law()
-    bridge.send(signal.SIGSTOP)
+    bridge.send_signal(signal.SIGSTOP)
     watcher.wait_mode("HOLD", "joint state is silent")
-    bridge.send(signal.SIGCONT)
+    bridge.send_signal(signal.SIGCONT)
     watcher.wait_law()
 
 
 def test_foreign_publisher_latches_fault(nodes: System) -> None:
-    from sensor_msgs.msg import JointState
-
     watcher = nodes.watcher
     watcher.wait_law()
-    foreign = watcher.node.create_publisher(JointState, "effort_command", 1)
-    watcher.wait_mode("FAULT", "another publisher")
-    watcher.node.destroy_publisher(foreign)
-    assert not watcher.trigger("enable").success
-    wait_gone = lambda: len(watcher.node.get_publishers_info_by_topic("/effort_command")) == 1  # noqa: E731
-    watcher.spin(wait_gone, "the foreign publisher to go")
-    watcher.spin(lambda: watcher.trigger("reset_fault").success and "HOLD" in watcher.modes[-1], "HOLD after the reset")
-    assert watcher.trigger("enable").success
+    watcher.interfere("effort_command", lambda: watcher.wait_mode("FAULT", "another publisher"))
     watcher.wait_law()
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from slip_vic.scenarios.scenario import NODES, load_scenario, ros_parameter_file
+from slip_vic.scenarios.scenario import NODES, load, ros_parameter_file
 from test.support.ros import Processes
 
 BRIDGE, CONTROLLER = "slip_sim_bridge.main", "slip_vic_controller.main"
@@ -17,7 +17,7 @@ def params(tmp_path: Path):
     """Write the parameter files of paper_planar, with assignments, and return the ROS arguments of a node."""
 
     def write(node: str, *assignments: str, mode: str = "lockstep") -> list[str]:
-        scenario = load_scenario("paper_planar", mode=mode, assignments=assignments)
+        scenario = load("paper_planar", law="vic", mode=mode, set=assignments)
         path = tmp_path / f"{node}.yaml"
         path.write_text(ros_parameter_file(getattr(scenario, node), NODES[node][0]))
         return ["--ros-args", "--params-file", str(path)]

@@ -40,9 +40,9 @@ def test_a_call_beside_a_transition_ends_nothing(
         cleaned = answers[services.index("cleanup")]
         watcher.spin(cleaned.done, "cleanup")
         assert cleaned.result().success
-        assert child.exit_code is None, child.tail()
+        assert child.poll() is None, child.tail()
         assert watcher.change(Transition.TRANSITION_CONFIGURE)
         assert watcher.change(Transition.TRANSITION_ACTIVATE)
     state = watcher.call(GetState, "/slip_vic_controller/get_state", GetState.Request()).current_state
     assert state.label == "active"
-    assert child.exit_code is None
+    assert child.poll() is None

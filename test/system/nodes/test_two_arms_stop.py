@@ -6,7 +6,6 @@ In lockstep a busy machine is slow, and nothing else: what happens between two s
 from __future__ import annotations
 
 import signal
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +19,10 @@ from slip_vic.run.judge import judge_bag
 from slip_vic.run.prepare import prepare
 from slip_vic.run.processes import Child
 from slip_vic.run.run import Run
-from slip_vic.scenarios.scenario import Scenario, load_scenario
-from slip_vic_controller.safety.modes import Mode
-from test.support.ros import Processes, call_service, wait_until
-from test.system.nodes.test_modes import LATCHED
+from slip_vic.scenarios.scenario import Scenario, load
+from slip_vic_controller.safety.conditions import Mode
+from test.support.ros import Processes, wait_until
+from test.system.nodes.test_modes import Watcher
 
 SIDES = ("left", "right")
 ASSIGNMENTS = (
@@ -34,55 +33,27 @@ ASSIGNMENTS = (
     "controller.trajectory.duration_s=6.0",
     "controller.safety.resume_after_s=0.1",
 )
-STARTS_S, CHANGES_S = 90.0, 60.0
-NODE, BRIDGE = "/slip_vic_controller", "/slip_sim_bridge"
-
-
-class Operator:
-    """Sees the modes of both arms, asks for others, and spoils what one arm measures."""
-
-    def __init__(self, node: Any) -> None:
-        from rclpy.executors import SingleThreadedExecutor
-        from std_msgs.msg import String
-
-        self.node, self.modes = node, [["none"], ["none"]]
-        for side, seen in zip(SIDES, self.modes, strict=True):
-            node.create_subscription(String, f"{side}/controller/mode", lambda m, s=seen: s.append(m.data), LATCHED)
-        self._executor = SingleThreadedExecutor(context=node.context)
-        self._executor.add_node(node)
-
-    def wait(self, condition: Callable[[], bool], what: str, timeout_s: float = CHANGES_S) -> None:
-        """Spin until something is so."""
-        seen = lambda: f"after {self.modes}"  # noqa: E731
-        wait_until(lambda: self._executor.spin_once(0.02) or condition(), what, timeout_s, seen)
-
-    def wait_modes(self, left: str, right: str, timeout_s: float = CHANGES_S) -> None:
-        """Wait until the present modes have these words in them."""
-        wanted = (left, right)
-        self.wait(
-            lambda: all(word in seen[-1] for word, seen in zip(wanted, self.modes, strict=True)), f"{wanted}", timeout_s
-        )
-
-    def trigger(self, name: str) -> bool:
-        """Call a service of the controller."""
-        from std_srvs.srv import Trigger
-
-        return bool(call_service(self.node, Trigger, f"{NODE}/{name}", Trigger.Request(), self.wait).success)
-
-    def spoil(self, name: str, value: bool) -> None:
-        """Set a parameter of the bridge."""
-        from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
-        from rcl_interfaces.srv import SetParameters
-
-        given = ParameterValue(type=ParameterType.PARAMETER_BOOL, bool_value=value)
-        request = SetParameters.Request(parameters=[Parameter(name=name, value=given)])
-        answer = call_service(self.node, SetParameters, f"{BRIDGE}/set_parameters", request, self.wait)
-        assert answer.results[0].successful, answer.results[0].reason
 
 
 @pytest.fixture
-def operator(ros_node: Any) -> Operator:
-    return Operator(ros_node)
+def arms(ros_node: Any) -> list[Watcher]:
+    return [Watcher(ros_node, f"{side}/") for side in SIDES]
+
+
+def wait_modes(arms: list[Watcher], left: str, right: str) -> None:
+    """Wait until the present modes have these words in them."""
+    at = lambda: all(arm.modes and word in arm.modes[-1] for word, arm in zip((left, right), arms, strict=True))  # noqa: E731
+    arms[0].spin(at, f"{left}, {right}; the right arm after {arms[1].modes}")
+
+
+def spoil(watcher: Watcher, name: str, value: bool) -> None:
+    """Set a parameter of the bridge."""
+    from rcl_interfaces.srv import SetParameters
+    from rclpy.parameter import Parameter
+
+    request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
+    answer = watcher.call(SetParameters, "/slip_sim_bridge/set_parameters", request)
+    assert answer.results[0].successful, answer.results[0].reason
 
 
 def modes_of(bag: Bag, side: str) -> dict[int, Mode]:
@@ -96,43 +67,35 @@ def start_nodes(scenario: Scenario, processes: Processes, folder: Path) -> tuple
     nodes = []
     for name in ("controller", "bridge"):
         nodes.append(processes.start(name, node_command(name, getattr(scenario, name), folder)))
-    wait_until(lambda: nodes[1].last("started") is not None, "the bridge", STARTS_S)
+    wait_until(lambda: nodes[1].last.get("progress") is not None, "the bridge")
     return nodes[0], nodes[1]
 
 
-def stop_and_go_on(operator: Operator) -> None:
+def stop_and_go_on(arms: list[Watcher]) -> None:
     """Hold as a user; fall silent at one arm; interfere with the other one: each time both stop, and go on."""
-    from sensor_msgs.msg import JointState
-
-    operator.wait_modes("ACTIVE", "ACTIVE", STARTS_S)
-    assert operator.trigger("hold")
-    operator.wait_modes("HOLD: hold requested", "HOLD: hold requested")
-    assert operator.trigger("enable")
-    operator.wait_modes("ACTIVE", "ACTIVE")
-    operator.spoil("right.sensors.wrench.silent", True)
-    operator.wait_modes("HOLD", "HOLD: wrench")
-    operator.spoil("right.sensors.wrench.silent", False)
-    operator.wait_modes("ACTIVE", "ACTIVE")
-    foreign = operator.node.create_publisher(JointState, "left/effort_command", 1)
-    operator.wait_modes("FAULT", "HOLD")
-    operator.node.destroy_publisher(foreign)
-    assert not operator.trigger("enable")
-    ours = lambda: len(operator.node.get_publishers_info_by_topic("/left/effort_command")) == 1  # noqa: E731
-    operator.wait(ours, "the foreign publisher to go")
-    operator.wait(lambda: operator.trigger("reset_fault") and "HOLD" in operator.modes[0][-1], "HOLD after the reset")
-    assert operator.trigger("enable")
-    operator.wait_modes("ACTIVE", "ACTIVE")
+    left, _ = arms
+    wait_modes(arms, "ACTIVE", "ACTIVE")
+    assert left.trigger("hold").success
+    wait_modes(arms, "HOLD: hold requested", "HOLD: hold requested")
+    assert left.trigger("enable").success
+    wait_modes(arms, "ACTIVE", "ACTIVE")
+    spoil(left, "right.sensors.wrench.silent", True)
+    wait_modes(arms, "HOLD", "HOLD: wrench")
+    spoil(left, "right.sensors.wrench.silent", False)
+    wait_modes(arms, "ACTIVE", "ACTIVE")
+    left.interfere("left/effort_command", lambda: wait_modes(arms, "FAULT", "HOLD"))
+    wait_modes(arms, "ACTIVE", "ACTIVE")
 
 
 @pytest.fixture
-def recorded(operator: Operator, processes: Processes, tmp_path: Path) -> tuple[Path, Run]:
-    """Run both nodes in lockstep with a recorder, while an operator stops them in every way."""
+def recorded(arms: list[Watcher], processes: Processes, tmp_path: Path) -> tuple[Path, Run]:
+    """Run both nodes in lockstep with a recorder, and stop them in every way."""
     prepare()
-    scenario = load_scenario("pane_two_arms_upright", assignments=(*ASSIGNMENTS, "expected_subscribers=2"))
+    scenario = load("pane_two_arms_upright", law="vic", set=(*ASSIGNMENTS, "expected_subscribers=2"))
     bag = tmp_path / "bag"
     recorder = processes.start("recorder", recorder_command(scenario, bag, tmp_path, ""))
     controller, bridge = start_nodes(scenario, processes, tmp_path)
-    stop_and_go_on(operator)
+    stop_and_go_on(arms)
     for child in (bridge, controller, recorder):
         assert processes.stop(child, signal.SIGINT) == 0, child.tail()
     return bag, judge_bag(bag, scenario)
@@ -143,13 +106,13 @@ def test_both_arms_stop_together(
     recorded: tuple[Path, Run],
 ) -> None:
     path, judged = recorded
-    with Bag(path) as bag:
-        left, right = (modes_of(bag, side) for side in SIDES)
-        assert left.keys() == right.keys()
-        together = {(left[stamp].follows, right[stamp].follows) for stamp in left}
-        assert together == {(True, True), (False, False)}
-        assert {Mode.HOLD, Mode.FAULT} <= set(left.values())
-        assert Mode.FAULT not in right.values()
-        assert verify_run(read_run(bag)).identical
+    bag = Bag(path)
+    left, right = (modes_of(bag, side) for side in SIDES)
+    assert left.keys() == right.keys()
+    together = {(left[stamp].follows, right[stamp].follows) for stamp in left}
+    assert together == {(True, True), (False, False)}
+    assert {Mode.HOLD, Mode.FAULT} <= set(left.values())
+    assert Mode.FAULT not in right.values()
+    assert verify_run(read_run(bag)).identical
     assert judged.worst("slip_linear_peak_m") < 1e-4
     assert judged.internal_force_n < 0.6  # N: a tenth of what friction of one pad bears

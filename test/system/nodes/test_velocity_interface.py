@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from slip_vic.scenarios.scenario import NODES, load_scenario, ros_parameter_file
+from slip_vic.scenarios.scenario import NODES, load, ros_parameter_file
 from test.support.ros import Processes, wait_until
 
 PERIOD = ("control_period_s=0.004", "bridge.duration_s=1e6")
@@ -35,7 +35,7 @@ def test_velocities_end_at_zero(processes: Processes, tmp_path: Path, ros_node: 
 
     ros_node.create_subscription(JointState, "velocity_command", take_stamped, 1000)
     ros_node.create_subscription(Float64MultiArray, "velocity_controller/commands", take_plain, 1000)
-    scenario = load_scenario("paper_planar", law="governed", mode="realtime", drive="velocity_500", assignments=PERIOD)
+    scenario = load("paper_planar", law="governed", mode="realtime", drive="velocity_500", set=PERIOD)
     started = {}
     for name, module in MODULES.items():
         path = tmp_path / f"{name}.yaml"

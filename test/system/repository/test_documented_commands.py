@@ -7,18 +7,15 @@ from __future__ import annotations
 
 import shlex
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 
 from slip_vic.cli import cli
-from slip_vic.run.processes import child_environment
+from test.support.command import DEADLINE_S, slip_vic
 from test.support.pages import OURS, PAGES, commands_of
 
-DEADLINE_S = 300.0
 # The demo, the checks themselves and the long measurements have tests of their own; a recording ends with Ctrl-C.
 ELSEWHERE = ("test", "demo", "bench", "benchmark", "study", "tune", "faults", "soak", "bringup", "bag record")
 # These stand for something: a bag of the reader's, a module of his, an option without its value.
@@ -34,6 +31,7 @@ EXAMPLES = (
     "native_sim",
     "native_bag",
     "so101_new_calib.urdf",
+    "so101",
     "urdf",
     "measured.yaml",
     "BAG",
@@ -92,20 +90,6 @@ def over_dds(command: str) -> bool:
     return "--record" in command or command.startswith("bag play")
 
 
-def slip_vic(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    environment = child_environment(0)
-    del environment["ROS_DOMAIN_ID"], environment["SLIP_VIC_EVENTS"]
-    return subprocess.run(
-        [sys.executable, "-m", "slip_vic.cli", *shlex.split(command)],
-        cwd=folder,
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=DEADLINE_S,
-        check=False,
-    )
-
-
 @pytest.mark.timeout(DEADLINE_S * 2)
 @pytest.mark.parametrize("page", [name for name, commands in RUN.items() if commands])
 def test_the_commands_of_a_page_run(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -118,7 +102,7 @@ def test_the_commands_of_a_page_run(page: str, tmp_path: Path, monkeypatch: pyte
         Path("out/killed/metadata.yaml").unlink()
     for command in map(shortened, RUN[page]):
         if over_dds(command):
-            done = slip_vic(command, tmp_path)
+            done = slip_vic(*shlex.split(command), folder=tmp_path)
             assert done.returncode == 0, f"{command}: {done.stdout}{done.stderr}"
         else:
             result = CliRunner().invoke(cli, shlex.split(command))

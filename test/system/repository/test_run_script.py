@@ -40,19 +40,16 @@ def fake_python(copy: Path, body: str) -> None:
     path.chmod(0o755)
 
 
-def test_without_python(bare: Path) -> None:
+@pytest.mark.parametrize("answer", ["", "exit 1"], ids=["no Python", "an old one"])
+def test_without_a_python_that_fits(bare: Path, answer: str) -> None:
+    """One that is too old says so when it is asked for its version."""
+    if answer:
+        fake_python(bare, answer)
     done = run(bare)
     assert done.returncode == 2
     assert "no Python 3.11, 3.12 or 3.13 found" in done.stderr
     assert len(done.stderr.splitlines()) == 1
     assert not (bare / ".venv").exists()
-
-
-def test_with_an_old_python_only(bare: Path) -> None:
-    fake_python(bare, "exit 1")  # answers "no" to the version question
-    done = run(bare)
-    assert done.returncode == 2
-    assert "no Python 3.11, 3.12 or 3.13 found" in done.stderr
 
 
 def test_without_venv(bare: Path) -> None:

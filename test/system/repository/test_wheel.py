@@ -96,7 +96,7 @@ def test_preparing_imports_every_module_that_is_compiled() -> None:
 
 
 def test_one_arm_waits_for_nothing_of_two() -> None:
-    imports = "import slip_vic.run.demo, slip_vic.run.launcher, slip_vic.replay.replay, slip_vic.page.page"
+    imports = "import slip_vic.run.demo, slip_vic.run.launcher, slip_vic.replay.verify, slip_vic.page.page"
     nodes = "import slip_vic_controller.node.controller_node, slip_sim_bridge.node"
     program = f"import sys; {imports}; {nodes}; print(*sys.modules)"
     done = subprocess.run(

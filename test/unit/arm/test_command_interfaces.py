@@ -10,10 +10,10 @@ import pytest
 from slip_core.arrays import Array
 from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_vic.run.in_process import ClosedLoop
-from slip_vic.scenarios.scenario import load_scenario
+from slip_vic.scenarios.scenario import load
 from slip_vic_controller.arm.command import SHARE
-from slip_vic_controller.safety.modes import Mode, Request
-from slip_vic_controller.session.controller import Controller
+from slip_vic_controller.config.controller import Controller
+from slip_vic_controller.safety.conditions import Mode, Request
 from slip_vic_controller.session.cycle_result import CycleResult
 from test.support.one_arm import OneArm, one_arm
 
@@ -27,12 +27,12 @@ class Run:
     """A closed loop with what it commanded."""
 
     def __init__(self, name: str, drive: str, *assignments: str) -> None:
-        self.loop = ClosedLoop(load_scenario(name, law="governed", drive=drive, seed=3, assignments=assignments))
+        self.loop = ClosedLoop(load(name, law="governed", drive=drive, seed=3, set=assignments))
         self.commands: list[Array] = []
 
     def cycles(self, count: int) -> CycleResult:
         for _ in range(count):
-            result = self.loop.control(self.loop.observe())
+            result = self.loop.answer(self.loop.bridge.observe())[0]
             self.commands.append(result.command.numbers)
             self.loop.bridge.advance([result.command])
         return result
@@ -58,10 +58,10 @@ def test_commands_keep_limits(drive: str) -> None:
 def test_command_integrates_acceleration() -> None:
     run = Run("paper_planar", "velocity_500")
     before, checked, n = run.cycles(600), 0, 7
-    last = np.array(run.loop.controller.state.sent.acceleration[:n])
+    last = np.array(run.loop.session.arms[0].state.sent.acceleration[:n])
     for _ in range(100):
-        outputs = run.loop.observe()
-        result = run.loop.control(outputs)
+        outputs = run.loop.bridge.observe()
+        result = run.loop.answer(outputs)[0]
         (wrench,) = outputs.arms[0].wrenches
         arm, R = result.arm, np.array(result.arm.rotation)
         h = np.concatenate((R @ wrench.wrench[:3], R @ wrench.wrench[3:]))
@@ -80,13 +80,11 @@ NO_TARE = "controller.tare.duration_s=0"
 
 @pytest.fixture(scope="module")
 def realtime() -> Controller:
-    scenario = load_scenario(
-        "paper_planar", law="governed", mode="realtime", drive="velocity_500", assignments=(NO_TARE,)
-    )
+    scenario = load("paper_planar", law="governed", mode="realtime", drive="velocity_500", set=(NO_TARE,))
     return one_arm(scenario.controller, scenario.urdf, lockstep=False)
 
 
-HOME = np.array(load_scenario("paper_planar").bridge.initial_position)
+HOME = np.array(load("paper_planar", law="vic").bridge.initial_position)
 
 
 def feed(session: OneArm, k: int, velocity: float) -> Any:
@@ -122,7 +120,7 @@ def test_watchdog_stops_the_command(realtime: Controller) -> None:
 def test_pause_keeps_step_limit(drive: str, pause_ms: int) -> None:
     """At 250 Hz, in motion at 1.5 rad/s, the joint state silent from the pause on: the watchdog's command."""
     slow = tuple(f"{node}.control_period_s=0.004" for node in ("controller", "bridge"))
-    scenario = load_scenario("paper_planar", mode="realtime", drive=drive, assignments=(NO_TARE, *slow))
+    scenario = load("paper_planar", law="vic", mode="realtime", drive=drive, set=(NO_TARE, *slow))
     session = OneArm(one_arm(scenario.controller, scenario.urdf, lockstep=False))
     for k in range(1, 15):
         before = feed(session, 4 * k, 0.2)

@@ -1,4 +1,4 @@
-"""The joint state estimator in the control cycle: noise, wrong sensors, a push, and its place in the state."""
+"""The joint state estimator in the control cycle: noise and wrong sensors."""
 
 from __future__ import annotations
 
@@ -7,11 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from slip_core.types import JointCommand
 from slip_vic.run.in_process import ClosedLoop
-from slip_vic.scenarios.scenario import load_scenario
-from slip_vic_controller.safety.conditions import Reason, Why, put_why
-from slip_vic_controller.safety.modes import Mode, Request
+from slip_vic.scenarios.scenario import load
+from slip_vic_controller.safety.conditions import Mode, Reason, Request, Why, put_why
 from slip_vic_controller.session.cycle_result import CycleResult
 from test.support.watched_loop import WatchedLoop, with_joints
 
@@ -23,27 +21,22 @@ TOLD = (
 
 
 class Run(WatchedLoop):
-    """A closed loop whose joint states and efforts can be made wrong on their way."""
+    """A closed loop whose joint states can be made wrong on their way."""
 
     def __init__(self, *assignments: str, law: Any = "governed", name: str = "paper_planar") -> None:
-        super().__init__(load_scenario(name, law=law, sensor="event_1000", seed=5, assignments=(*TOLD, *assignments)))
-        self.arm = self.loop.controller
+        super().__init__(load(name, law=law, sensor="event_1000", seed=5, set=(*TOLD, *assignments)))
+        self.arm = self.loop.session.arms[0]
 
-    def cycles(self, count: int, change: Any = None, push: Any = None) -> CycleResult:
-        """Return the last result; change(q, qd): of the joint states; push: added to every effort [N m]."""
+    def cycles(self, count: int, change: Any = None) -> CycleResult:
+        """Return the last result; change(q, qd): of the joint states."""
 
         def sensed(arm: Any) -> Any:
             if change is None:
                 return arm
             return with_joints(arm, *change(arm.joint.position.copy(), arm.joint.velocity.copy()))
 
-        def sent(command: Any) -> Any:
-            if push is None or not len(command.numbers):
-                return command
-            return JointCommand(command.stamp_ns, command.numbers + push)
-
         for _ in range(count):
-            result = self.cycle(sensed, sent)
+            result = self.cycle(sensed)
         return result
 
 
@@ -66,7 +59,7 @@ def test_wrong_velocity_names_joint(joint: int, change: Any, finding) -> None:
     result = run.cycles(1500, wrong)
     assert result.mode == Mode.FAULT
     name = run.arm.controller.robot.joint_names[joint]
-    assert result.reason.startswith(f"{name}: its velocity ")
+    assert result.reason.startswith(f"{name}: velocity ")
     assert run.arm.state.estimate.found.reason == finding
     run.cycles(1)
     assert run.speed < 0.1
@@ -75,16 +68,16 @@ def test_wrong_velocity_names_joint(joint: int, change: Any, finding) -> None:
 @pytest.mark.parametrize("finding", tuple(each for each in Reason if Reason.VELOCITY <= each <= Reason.IGNORED))
 def test_one_reset_clears_findings(finding: Reason) -> None:
     """What has been found stays until a user resets it: the first reset forgot it, and only a second one was heard."""
-    loop = ClosedLoop(load_scenario("paper_planar"))
+    loop = ClosedLoop(load("paper_planar", law="vic"))
 
     def cycle(request: Request = Request.NONE) -> Mode:
         loop.session.request(request)
-        result = loop.control(loop.observe())
+        result = loop.answer(loop.bridge.observe())[0]
         loop.bridge.advance([result.command])
         return Mode(result.mode)
 
     assert [cycle() for _ in range(5)][-1] == Mode.ACTIVE
-    put_why(loop.controller.state.estimate.found, Why(finding, 0, 0, 2, 1.0, 0.5))
+    put_why(loop.session.arms[0].state.estimate.found, Why(finding, 0, 0, 2, 1.0, 0.5))
     assert [cycle() for _ in range(100)][-1] == Mode.FAULT
     assert cycle(Request.RESET_FAULT) == Mode.HOLD
     assert cycle(Request.ENABLE) in (Mode.ACTIVE, Mode.DEGRADED)

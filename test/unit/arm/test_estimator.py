@@ -12,33 +12,26 @@ import pytest
 from slip_core.errors import InputError
 from slip_core.params import build
 from slip_core.records import new, record
-from slip_vic_controller.arm.disturbance import oppose_disturbance
 from slip_vic_controller.arm.estimator import (
     BIAS,
+    ESTIMATOR_CONFIG,
+    MAX_LATENCY,
+    JointEstimate,
+    Trust,
+    clear_findings,
     estimate_joints,
+    oppose_disturbance,
     remember_input,
     transition,
 )
-from slip_vic_controller.arm.joint_estimate import (
-    ESTIMATOR_CONFIG,
-    JOINT_ESTIMATE,
-    MAX_LATENCY,
-    Trust,
-    clear_findings,
-)
-from slip_vic_controller.config.joints import (
-    MODEL_NOISE,
-    Tuning,
-    estimator_config,
-    steady_state,
-)
-from slip_vic_controller.contact.layouts import MOTION
+from slip_vic_controller.config.joints import MODEL_NOISE, Tuning, estimator_config, steady_state
+from slip_vic_controller.contact.observer import MOTION
 from slip_vic_controller.cycle.sensing import pad_variances
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.safety.conditions import NOTHING, Reason, read_why
 from test.referees import joint_filter
-from test.support.call import call
+from test.support.call import blank, call
 
 MS, T, N = 1_000_000, 1e-3, 3
 LIMIT = np.array([87.0, 50.0, 12.0])
@@ -57,7 +50,7 @@ class Joints:
     """What runs, sample by sample."""
 
     def __init__(self, config: Any) -> None:
-        self.config, self.state, self.k = config, record(new(JOINT_ESTIMATE), JOINT_ESTIMATE), 0
+        self.config, self.state, self.k = config, blank(JointEstimate), 0
 
     def act(self, u: Any) -> None:
         call(remember_input, self.config, self.state, np.broadcast_to(np.asarray(u, float), (N,)))
@@ -169,7 +162,7 @@ def test_inverted_velocity_is_not_trusted() -> None:
     """From crawling to fast, and at 250 Hz, where some samples before it still count: it was taken for a drift."""
     for period_ms, speed in itertools.product((1, 4), (0.03, 0.3, 3.0)):
         config, rng = configuration(control_period_s=period_ms * T), np.random.default_rng(4)
-        state = record(new(JOINT_ESTIMATE), JOINT_ESTIMATE)
+        state = blank(JointEstimate)
         for k in range(1000 // period_ms):
             t, wrong = k * period_ms * T, k >= 300 // period_ms
             v = speed + 2e-3 * rng.normal()
@@ -231,7 +224,7 @@ def test_noise_is_no_fault() -> None:
 
 
 def opposed(d: Any, steps: int, v: float = 0.0, wrench: Any = None, **values: Any) -> tuple[Any, np.ndarray]:
-    config, state = configuration(**values), record(new(JOINT_ESTIMATE), JOINT_ESTIMATE)
+    config, state = configuration(**values), blank(JointEstimate)
     root = np.random.default_rng(1).normal(size=(N, N))
     M = root @ root.T + np.eye(N)
     torque = np.zeros(N)

@@ -9,13 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from slip_core.records import new, record
-from slip_vic.scenarios.scenario import load_scenario
-from slip_vic_controller.arm.estimator import estimate_joints, remember_input
-from slip_vic_controller.arm.joint_estimate import JOINT_ESTIMATE, Trust, clear_findings
-from slip_vic_controller.safety.conditions import Reason
-from slip_vic_controller.safety.modes import Mode, Request
-from test.support.call import call
+from slip_vic.scenarios.scenario import load
+from slip_vic_controller.arm.estimator import JointEstimate, Trust, clear_findings, estimate_joints, remember_input
+from slip_vic_controller.safety.conditions import Mode, Reason, Request
+from test.support.call import blank, call
 from test.support.watched_loop import WatchedLoop, with_joints
 from test.unit.arm.test_estimator import MS, N, T, configuration
 
@@ -30,7 +27,7 @@ class Freezing(WatchedLoop):
     """A closed loop in which joints or the wrench repeat, from a moment on, what they read then, or joints nothing."""
 
     def __init__(self, drive: str, law: Any, name: str = "paper_planar", *assignments: str) -> None:
-        super().__init__(load_scenario(name, law=law, drive=drive, sensor="event_1000", assignments=assignments))
+        super().__init__(load(name, law=law, drive=drive, sensor="event_1000", set=assignments))
         self.modes, self.kept = [""], None
         self.cycles(MOVES_MS[name])
         self.fastest = 0.0
@@ -87,8 +84,8 @@ def test_dead_encoder_names_joint(joint: int, drive: str) -> None:
     run = Freezing(drive, "governed")
     result = run.cycles(1500, joint)
     assert result.mode == Mode.FAULT
-    name = run.loop.controller.controller.robot.joint_names[joint]
-    assert result.reason == f"{name}: its position and velocity are stuck, though it moves"
+    name = run.loop.session.arms[0].controller.robot.joint_names[joint]
+    assert result.reason == f"{name}: position and velocity are stuck while the joint moves"
     assert run.fastest < 1.0
     assert run.speed < 0.05
     assert len(result.command.numbers) == 0, "the drives hold what nothing measures"
@@ -124,7 +121,7 @@ def sampled(frozen: range, joints: Any, steps: int, **values: Any) -> tuple[Any,
     """Return configuration, state and errors of the velocity of joint 1 where joints read the same for some samples."""
     config, state, rng = (
         configuration(**values),
-        record(new(JOINT_ESTIMATE), JOINT_ESTIMATE),
+        blank(JointEstimate),
         np.random.default_rng(3),
     )
     kept, errors = np.zeros((2, N)), []

@@ -7,17 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from slip_core.records import new, record
-from slip_vic.scenarios.scenario import load_scenario
-from slip_vic_controller.arm.command import (
-    COMMAND_LIMITS,
-    SENT_COMMAND,
-    Interface,
-    ignored_joint,
-)
+from slip_vic.scenarios.scenario import load
+from slip_vic_controller.arm.command import CommandLimits, Interface, SentCommand, ignored_joint
 from slip_vic_controller.arm.estimator import LASTS_S, MOVES
-from slip_vic_controller.safety.modes import Mode
-from test.support.call import call
+from slip_vic_controller.safety.conditions import Mode
+from test.support.call import blank, call
 from test.support.watched_loop import WatchedLoop
 
 T, N = 2e-3, 3
@@ -27,7 +21,7 @@ class Paused(WatchedLoop):
     """A closed loop whose drives hold the arm by themselves for a while."""
 
     def __init__(self, drive: str, law: Any = "governed", name: str = "paper_planar", *assignments: str) -> None:
-        super().__init__(load_scenario(name, law=law, drive=drive, sensor="event_1000", assignments=assignments))
+        super().__init__(load(name, law=law, drive=drive, sensor="event_1000", set=assignments))
 
     def cycles(self, count: int, *, paused: bool = False) -> Any:
         """Return the last result."""
@@ -64,8 +58,8 @@ def test_paused_arm_is_not_thrown(name: str, drive: str, law: str) -> None:
 def command(**values: Any) -> tuple[Any, Any]:
     """Return configuration and state of a command of N joints."""
     config, state = (
-        record(new(COMMAND_LIMITS), COMMAND_LIMITS),
-        record(new(SENT_COMMAND), SENT_COMMAND),
+        blank(CommandLimits),
+        blank(SentCommand),
     )
     config.interface, config.joints = Interface.POSITION, N
     config.velocity[:], config.lower[:], config.upper[:] = 2.0, -1.0, 1.0
@@ -84,3 +78,16 @@ def test_ignored_joint() -> None:
         assert (max(seen) == 1) is ignored, (commanded, share)
         if ignored:
             assert LASTS_S <= T * (1 + seen.index(1)) < LASTS_S + 2 * T
+
+
+def test_what_the_lag_of_a_drive_explains_is_not_ignored() -> None:
+    """Servos at 50 Hz follow a command that turns round 0.1 s later: for a third of a second they move against it."""
+    lag_s, period_s = 0.1, 0.02
+    for share, ignored in ((1.0, False), (0.0, True)):
+        config, state = command()
+        config.lag_s, found = lag_s, -1
+        for k in range(150):
+            state.velocity[1], state.acceleration[1] = 0.5 * np.sin(period_s * k), 0.5 * np.cos(period_s * k)
+            follows = share * 0.5 * np.sin(period_s * k - lag_s)
+            found = max(found, call(ignored_joint, config, state, np.array([0.0, follows, 0.0]), period_s))
+        assert (found == 1) is ignored

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from slip_core.records import dtype_of, new, record
 from slip_vic_controller.arm.tare import (
     MOVED,
     ROUGH,
@@ -23,12 +22,13 @@ from slip_vic_controller.arm.tare import (
 )
 from slip_vic_controller.safety.conditions import Reason, describe
 from slip_vic_controller.sizes import NEVER
+from test.support.call import blank
 
 N, SAMPLES = 7, 300
 
 
 def bounds() -> TareConfig:
-    config: TareConfig = record(new(dtype_of(TareConfig)), dtype_of(TareConfig))
+    config: TareConfig = blank(TareConfig)
     config.joints = N
     config.slip_linear, config.slip_angular, config.force, config.torque = 0.02, 0.2, 0.5, 0.05
     config.mass, config.mass_share = 0.5, 0.5
@@ -36,7 +36,7 @@ def bounds() -> TareConfig:
 
 
 def begun() -> Tare:
-    state: Tare = record(new(dtype_of(Tare)), dtype_of(Tare))
+    state: Tare = blank(Tare)
     start_tare(state, NEVER)
     return state
 
@@ -76,7 +76,7 @@ def test_excess_bias_names_sensor(sensor: int, axis: int, bias: float, words: st
     for _ in range(SAMPLES):
         slip, wrench, qd = samples = np.zeros(6), np.zeros(6), np.zeros(N)
         samples[sensor][axis] = bias
-        add(state.slip, slip, 6)
+        add_slip(config, state, slip)
         add(state.wrench, wrench, 6)
         add_velocities(config, state, qd)
     assert judge_tare(config, state)

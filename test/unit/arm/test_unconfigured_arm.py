@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from slip_vic.run.in_process import ClosedLoop
-from slip_vic.scenarios.scenario import Law, Scenario, load_scenario
+from slip_vic.scenarios.scenario import Law, Scenario, load
 from slip_vic_controller.arm.tare import MOVED
-from slip_vic_controller.safety.modes import Mode, Request, follows
+from slip_vic_controller.safety.conditions import Mode, Request, follows
 from slip_vic_controller.session.cycle_result import CycleResult
 from test.support.watched_loop import WatchedLoop
 
@@ -21,7 +21,7 @@ OFFSET = [0.05, 0.17, -0.01, 0.18, 0.12, 0.12, -0.19]
 
 
 def scenario_of(name: str, *assignments: str, law: Law = "governed", drive: str = "ideal") -> Scenario:
-    return load_scenario(name, law=law, drive=drive, sensor="event_1000", seed=2, assignments=assignments)
+    return load(name, law=law, drive=drive, sensor="event_1000", seed=2, set=assignments)
 
 
 def loop(name: str, *assignments: str, law: Law = "governed", drive: str = "ideal") -> ClosedLoop:
@@ -31,8 +31,8 @@ def loop(name: str, *assignments: str, law: Law = "governed", drive: str = "idea
 def until(of: ClosedLoop, wanted: Callable[[Mode], bool], most: int = 700) -> CycleResult:
     """Return the first result in a mode that is wanted."""
     for _ in range(most):
-        outputs = of.observe()
-        result = of.control(outputs)
+        outputs = of.bridge.observe()
+        result = of.answer(outputs)[0]
         if wanted(result.mode):
             return result
         of.bridge.advance([result.command])
@@ -44,15 +44,15 @@ def test_hold_bears_torque_offsets() -> None:
     of = loop("paper_planar", TARE, f"bridge.drive.offset={OFFSET}")
     start, turned = of.bridge.simulation.observe(0).joint.position.copy(), 0.0
     for _ in range(500):
-        of.bridge.advance([of.control(of.observe()).command])
+        of.bridge.advance([of.answer(of.bridge.observe())[0].command])
         turned = max(turned, float(np.abs(of.bridge.simulation.observe(0).joint.position - start).max()))
     assert turned < 0.03
-    assert np.abs(of.controller.state.estimate.effort[:7] - OFFSET).max() < 0.05
+    assert np.abs(of.session.arms[0].state.estimate.effort[:7] - OFFSET).max() < 0.05
 
 
 @pytest.mark.parametrize("share", [-0.35, 0.35])
 def test_law_uses_tared_mass(share: float) -> None:
-    known = load_scenario("vertical_plane").controller.object
+    known = load("vertical_plane", law="vic").controller.object
     of = loop("vertical_plane", TARE, f"bridge.object.mass={(1.0 + share) * known.mass}", "bridge.grip.force=9.0")
     result = until(of, follows)
     used = result.record.gains.object
@@ -69,7 +69,7 @@ def inverted(arm: Any) -> Any:
     ("world", "sensed", "mode", "words", "mass"),
     [
         ((), inverted, Mode.HOLD, "opposite sign", -0.5),
-        (("bridge.object.mass=1.0",), None, Mode.HOLD, "object.mass is 0.5, the wrench at rest says", 1.0),
+        (("bridge.object.mass=1.0",), None, Mode.HOLD, "object.mass is 0.5, the wrench at rest shows", 1.0),
     ],
 )
 def test_tare_moves_no_joint(world: tuple[str, ...], sensed: Any, mode: Mode, words: str, mass: float) -> None:
@@ -93,5 +93,5 @@ def test_too_heavy_stays_refused() -> None:
         assert not len(result.numbers)
     assert result.mode == Mode.WAITING_INPUT
     assert "holding arm and object needs" in result.reason
-    run.loop.controller.request(Request.ENABLE)
+    run.loop.session.arms[0].request(Request.ENABLE)
     assert len(run.cycle(None).numbers), "it can be held where it is now"

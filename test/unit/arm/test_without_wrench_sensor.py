@@ -7,7 +7,7 @@ import pytest
 
 from slip_core.arrays import Array
 from slip_vic.run.in_process import run_in_process
-from slip_vic.scenarios.scenario import load_scenario
+from slip_vic.scenarios.scenario import load
 
 NONE, SHORT = "controller.wrench.source=none", "bridge.duration_s=3.2"
 
@@ -15,7 +15,7 @@ NONE, SHORT = "controller.wrench.source=none", "bridge.duration_s=3.2"
 def loads(scenario: str, source: str, until_s: float) -> list[list[Array]]:
     """Return the wrenches that the law of each arm works with, of each of its contacts, at some time."""
     told = (f"controller.wrench.source={source}", f"bridge.duration_s={until_s}")
-    for tick in run_in_process(load_scenario(scenario, law="governed", assignments=told)):
+    for tick in run_in_process(load(scenario, law="governed", set=told)):
         last = tick
     count = len(last.results)
     return [[result.record.samples[k].wrench.copy() for k in range(count)] for result in last.results]
@@ -41,6 +41,6 @@ def test_model_load_matches_sensor(scenario: str, until_s: float, force: float, 
 
 def test_simulation_without_wrench_sensor() -> None:
     """So neither bridge nor recorder waits for a subscription to its topic."""
-    world = load_scenario("paper_planar", law="governed", sensor="event_1000", assignments=(NONE,))
+    world = load("paper_planar", law="governed", sensor="event_1000", set=(NONE,))
     assert world.bridge.sensors.wrench.silent
-    assert not load_scenario("paper_planar", law="governed").bridge.sensors.wrench.silent
+    assert not load("paper_planar", law="governed").bridge.sensors.wrench.silent

@@ -10,13 +10,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from slip_core.arrays import matrix_from_quat_xyzw
-from slip_core.types import CartesianReference
-from slip_sim_bridge.internal import internal_wrenches
+from slip_sim_bridge.session import internal_wrenches
 from slip_vic.run.in_process import ClosedLoop, Tick, run_in_process
-from slip_vic.scenarios.scenario import LAWS, Scenario, load_scenario
+from slip_vic.scenarios.scenario import LAWS, Scenario, load
+from slip_vic_controller.config.controller import Controller
 from slip_vic_controller.law.bounds import internal_gain_limit
-from slip_vic_controller.safety.modes import Mode, Request
-from slip_vic_controller.session.controller import Controller
+from slip_vic_controller.safety.conditions import Mode, Request
 
 UPRIGHT, FLAT = "pane_two_arms_upright", "pane_two_arms_flat"
 SOON = ("controller.trajectory.start_s=0.0",)
@@ -37,21 +36,13 @@ def slipped(loop: ClosedLoop) -> list[float]:
     return [float(np.linalg.norm(truth.slip_displacement[:3])) for truth in truths]
 
 
-def carried_by(first, grasp) -> CartesianReference:
-    """Return the motion of a pad on an object whose first pad moves by a reference, in plain numpy."""
-    r, w, alpha = first.rotation @ grasp.position, first.twist[3:], first.acceleration[3:]
-    twist = np.concatenate((first.twist[:3] + np.cross(w, r), w))
-    acceleration = np.concatenate((first.acceleration[:3] + np.cross(alpha, r) + np.cross(w, np.cross(w, r)), alpha))
-    return CartesianReference(first.position + r, first.rotation @ grasp.rotation, twist, acceleration)
-
-
 def grasped(scenario: Scenario, tick: Tick) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Return where both pads are on the object and how they stand {w}: grasp and slip, without the pads' deflection."""
-    object_, places, attitudes = tick.outputs.truth, [], []
+    x_o, R_o, places, attitudes = tick.outputs.truth.object_position, tick.outputs.truth.object_rotation, [], []
     for arm, reading in zip(scenario.bridges.values(), [arm.readings for arm in tick.outputs.arms], strict=True):
         slip = reading.truth.slip_displacement
-        R_p = object_.rotation @ matrix_from_quat_xyzw(arm.contacts.orientation_xyzw)
-        places.append(object_.position + object_.rotation @ np.array(arm.contacts.position) + R_p @ slip[:3])
+        R_p = R_o @ matrix_from_quat_xyzw(arm.contacts.orientation_xyzw)
+        places.append(x_o + R_o @ np.array(arm.contacts.position) + R_p @ slip[:3])
         attitudes.append(R_p @ Rotation.from_rotvec(np.array(slip[3:])).as_matrix())
     return places, attitudes
 
@@ -60,7 +51,7 @@ def grasped(scenario: Scenario, tick: Tick) -> tuple[list[np.ndarray], list[np.n
 def test_internal_force_is_no_bias(law: str, bias: float) -> None:
     """Half of a bias is taken off each wrench, so that their sum is right."""
     biased = f"left.bridge.sensors.wrench.bias=[0.0, 0.0, {bias}, 0.0, 0.0, 0.0]"
-    loop = ClosedLoop(load_scenario(FLAT, law=law, drive="velocity_500", assignments=(biased,)))
+    loop = ClosedLoop(load(FLAT, law=law, drive="velocity_500", set=(biased,)))
     for tick in ticks(loop, 405):
         results = tick.results
     assert all(result.mode.follows for result in results)
@@ -72,9 +63,9 @@ def test_internal_force_is_no_bias(law: str, bias: float) -> None:
 
 def test_arms_weigh_together() -> None:
     """Together: a share of what their wrenches add up to, and no torque of it, since torques are not compared."""
-    mass = 1.3 * load_scenario(FLAT).controllers["left"].object.mass
+    mass = 1.3 * load(FLAT, law="vic").controllers["left"].object.mass
     heavier = (f"bridge.object.mass={mass}", "controller.tare.duration_s=0.3")
-    loop = ClosedLoop(load_scenario(FLAT, law="classical", assignments=heavier))
+    loop = ClosedLoop(load(FLAT, law="classical", set=heavier))
     for tick in ticks(loop, 800):
         results = tick.results
     assert all(result.mode.follows for result in results), [result.reason for result in results]
@@ -84,13 +75,13 @@ def test_arms_weigh_together() -> None:
 
 def test_perfect_sensors_show_internal_wrench() -> None:
     for name in (UPRIGHT, FLAT):
-        scenario = load_scenario(name, assignments=(*SOON, "controller.trajectory.duration_s=0.8"))
+        scenario = load(name, law="vic", set=(*SOON, "controller.trajectory.duration_s=0.8"))
         worst, largest = 0.0, 0.0
         for k, tick in enumerate(run_in_process(scenario)):
-            readings = [arm.readings for arm in tick.outputs.arms]
-            wrenches, centre = [reading.wrench.wrench for reading in readings], tick.outputs.truth.position
+            wrenches = [arm.readings.wrench.wrench for arm in tick.outputs.arms]
+            centre = tick.outputs.truth.object_position
             true = internal_wrenches(wrenches, *grasped(scenario, tick), centre, 0.015)
-            bent = internal_wrenches(wrenches, *zip(*(reading.pad for reading in readings), strict=True), centre, 0.015)
+            bent = tick.outputs.internal_wrenches(0.015)
             for side, result in enumerate(tick.results):
                 worst = max(worst, float(np.abs(result.record.law.h_int - true[side]).max()))
                 largest = max(largest, float(np.abs(bent[side] - true[side]).max()))
@@ -101,7 +92,7 @@ def test_perfect_sensors_show_internal_wrench() -> None:
 
 
 def test_both_pads_follow_the_object_path() -> None:
-    scenario = load_scenario(UPRIGHT, assignments=SOON)
+    scenario = load(UPRIGHT, law="vic", set=SOON)
     start, far, way = None, 0.0, []
     for k, tick in enumerate(run_in_process(scenario)):
         left, right = (result.record.reference for result in tick.results)
@@ -120,29 +111,8 @@ def test_both_pads_follow_the_object_path() -> None:
     np.testing.assert_allclose((v[2:] - v[:-2]) / 2e-3, a[1:-1], atol=1e-4)
 
 
-def test_object_reference_equals_path() -> None:
-    loop = ClosedLoop(load_scenario(UPRIGHT, assignments=SOON))
-    planned = [result.record.reference for result in list(ticks(loop, 300))[-1].results]
-    grasp = loop.session.arms[0].controller.params.contacts
-    left = planned[0]
-    R = left.rotation @ matrix_from_quat_xyzw(grasp.orientation_xyzw[:4]).T
-    r = R @ np.array(grasp.position[:3])
-    v, w, a, alpha = left.twist[:3], left.twist[3:], left.acceleration[:3], left.acceleration[3:]
-    twist = np.concatenate((v - np.cross(w, r), w))
-    acceleration = np.concatenate((a - np.cross(alpha, r) - np.cross(w, np.cross(w, r)), alpha))
-    loop.session.set_reference(CartesianReference(left.position - r, R, twist, acceleration))
-    task = loop.session.task
-    for k, wanted in enumerate(planned):
-        given = task.reference if k == 0 else carried_by(task.reference, loop.session.arms[k].state.grasp)
-        assert float(np.linalg.norm(wanted.twist)) > 0.05
-        for name in ("position", "rotation", "twist", "acceleration"):
-            np.testing.assert_allclose(getattr(given, name), getattr(wanted, name), atol=1e-8, err_msg=name)
-
-
 def test_weaker_pad_governs_both() -> None:
-    loop = ClosedLoop(
-        load_scenario(UPRIGHT, law="governed", assignments=(*SOON, "controller.trajectory.duration_s=1.2"))
-    )
+    loop = ClosedLoop(load(UPRIGHT, law="governed", set=(*SOON, "controller.trajectory.duration_s=1.2")))
     slowed = False
     for k, tick in enumerate(ticks(loop, 400)):
         left, right = (result.record.governor for result in tick.results)
@@ -158,7 +128,7 @@ def test_weaker_pad_governs_both() -> None:
 
 
 def test_slip_is_shared() -> None:
-    loop = ClosedLoop(load_scenario(FLAT, law="governed", assignments=SOON))
+    loop = ClosedLoop(load(FLAT, law="governed", set=SOON))
     left, right = (result.record.governor for result in list(ticks(loop, 150))[-1].results)
     assert left.load_commanded > 0.05
     assert right.load_commanded == pytest.approx(left.load_commanded, rel=0.1)  # what each learns friction from
@@ -172,7 +142,7 @@ def test_slip_is_shared() -> None:
 
 
 def test_fault_of_one_holds_other() -> None:
-    loop = ClosedLoop(load_scenario(UPRIGHT, assignments=(*SOON, "controller.safety.resume_after_s=0.05")))
+    loop = ClosedLoop(load(UPRIGHT, law="vic", set=(*SOON, "controller.safety.resume_after_s=0.05")))
     list(ticks(loop, 60))
     loop.session.arms[0].request(Request.FAILED)
     modes = [tuple(result.mode for result in tick.results) for tick in ticks(loop, 300)]
@@ -187,7 +157,7 @@ def test_fault_of_one_holds_other() -> None:
 @pytest.mark.parametrize("law", ["vic", "classical"])
 def test_user_holds_both(law: str) -> None:
     """Each arm then carries its share, also the one that knows its own wrench alone: none of them moves."""
-    loop = ClosedLoop(load_scenario(UPRIGHT, law=law, assignments=SOON))
+    loop = ClosedLoop(load(UPRIGHT, law=law, set=SOON))
     list(ticks(loop, 300))
     loop.session.request(Request.HOLD)
     run = list(ticks(loop, 1500))
@@ -202,7 +172,7 @@ def test_user_holds_both(law: str) -> None:
 
 def test_late_wrenches_lower_kappa() -> None:
     late = ("bridge.sensors.wrench.latency_s=0.008",)
-    loop = ClosedLoop(load_scenario(UPRIGHT, assignments=late))
+    loop = ClosedLoop(load(UPRIGHT, law="vic", set=late))
     record = list(ticks(loop, 60))[-1].results[0].record
     assert record.gains.gains.kappa == pytest.approx(internal_gain_limit(0.4, 1.0e4, 0.009))
     assert record.gains.gains.kappa < 0.2
@@ -210,7 +180,7 @@ def test_late_wrenches_lower_kappa() -> None:
 
 def test_laws_set_contacts_and_gains() -> None:
     for law, name in itertools.product(LAWS, (FLAT, UPRIGHT)):
-        scenario = load_scenario(name, law=law)
+        scenario = load(name, law=law)
         left, right = scenario.controllers.values()
         both = law not in ("classical", "printed")
         assert len(left.contacts.position) == (6 if both else 3)

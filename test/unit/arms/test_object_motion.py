@@ -11,11 +11,11 @@ from slip_core.errors import InputError
 from slip_core.params import build
 from slip_core.types import CartesianReference, JointSample, PoseGoal, SlipSample, WrenchSample
 from slip_vic.run.in_process import ClosedLoop
-from slip_vic.scenarios.scenario import Law, load_scenario
+from slip_vic.scenarios.scenario import Law, load
+from slip_vic_controller.config.controller import Controller
 from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.path.goals import GoalPhase
-from slip_vic_controller.safety.modes import Mode, Request
-from slip_vic_controller.session.controller import Controller
+from slip_vic_controller.safety.conditions import Mode, Request
 from slip_vic_controller.session.cycle_result import CycleResult
 from slip_vic_controller.session.session import ControllerSession
 from test.support.small_arm import HOME, small_arm_urdf
@@ -29,9 +29,7 @@ class Run:
     """Two arms that carry the pane by topic; results and slip of every tick."""
 
     def __init__(self, law: Law, kind: str, *assignments: str) -> None:
-        self.loop = ClosedLoop(
-            load_scenario(UPRIGHT, law=law, assignments=(f"controller.trajectory.kind={kind}", *assignments))
-        )
+        self.loop = ClosedLoop(load(UPRIGHT, law=law, set=(f"controller.trajectory.kind={kind}", *assignments)))
         self.results: list[tuple[CycleResult, ...]] = []
         self.slip_m = 0.0
         self.tick()

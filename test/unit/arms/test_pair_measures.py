@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from slip_sim_bridge.internal import internal_wrenches
+from slip_sim_bridge.session import internal_wrenches
 from slip_vic.page.runs import tip_of
-from slip_vic.scenarios.scenario import load_scenario
+from slip_vic.scenarios.scenario import load
 from slip_vic_controller.robot import Robot
 
 SHORT = ("left.bridge.duration_s=0.03", "right.bridge.duration_s=0.03")
@@ -28,7 +28,7 @@ def test_internal_wrenches_balance() -> None:
 
 
 def test_run_has_both_arms(tmp_path: Path) -> None:
-    run = load_scenario(UPRIGHT, assignments=SHORT).run()
+    run = load(UPRIGHT, law="vic", set=SHORT).run()
     assert run.outcome == "ok"
     assert list(run.summary) == ["left", "right"]
     assert len(run.frame("right")) == 30

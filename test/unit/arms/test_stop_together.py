@@ -8,8 +8,8 @@ import pytest
 
 from slip_core.types import JointCommand
 from slip_sim_bridge.session import BridgeSession
-from slip_vic.scenarios.scenario import load_scenario
-from slip_vic_controller.session.controller import Controller
+from slip_vic.scenarios.scenario import load
+from slip_vic_controller.config.controller import Controller
 from slip_vic_controller.session.session import ControllerSession
 
 PERIOD_S = 0.004
@@ -23,7 +23,7 @@ def test_silent_input_stops_both(topic: str, mode: str) -> None:
         f"control_period_s={PERIOD_S}", "controller.gains.k_s=100.0", "controller.gains.kappa=0.4",
         "controller.trajectory.start_s=0.0", "controller.trajectory.duration_s=1.2",
     )  # fmt: skip
-    scenario = load_scenario("pane_two_arms_upright", mode="realtime", assignments=assignments)
+    scenario = load("pane_two_arms_upright", law="vic", mode="realtime", set=assignments)
     bridge = BridgeSession(scenario.bridges, scenario.urdfs)
     session = ControllerSession(Controller(scenario.controllers, scenario.placed, lockstep=False))
     commands: list[JointCommand | None] = [None, None]

@@ -10,7 +10,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_bags.format import QosProfile, TopicInfo, metadata_text, parse_custom_data, parse_qos, qos_text
+from slip_bags.format import QosProfile, TopicInfo, metadata_tree, parse_custom_data, parse_qos, qos_text, yaml_text
 
 # Written down from what the Jazzy storage plugin writes.
 QOS = """\
@@ -53,7 +53,7 @@ rosbag2_bagfile_information:
         serialization_format: cdr
         offered_qos_profiles:
 {textwrap.indent(QOS, 10 * " ")}
-        type_description_hash: RIHS01_00ff
+        type_description_hash: ""
       message_count: 3
   compression_format: ""
   compression_mode: ""
@@ -71,7 +71,7 @@ rosbag2_bagfile_information:
 LATCHED = QosProfile(durability="transient_local")
 TOPICS = (
     TopicInfo("/a", "std_msgs/msg/String"),
-    TopicInfo("/b", "std_msgs/msg/String", (LATCHED,), "RIHS01_00ff", 3),
+    TopicInfo("/b", "std_msgs/msg/String", (LATCHED,), 3),
 )
 SPAN = 1_700_000_000_000_000_000, 1_700_000_000_000_000_002
 
@@ -88,16 +88,12 @@ def test_qos_text_is_rosbag2s():
 
 
 def test_metadata_text_is_rosbag2s():
-    assert same(metadata_text("x_0.mcap", TOPICS, SPAN, {}, root=True), METADATA)
-
-
-def test_metadata_record_lacks_the_root():
     lines = METADATA.splitlines()[1:]
-    assert same(metadata_text("x_0.mcap", TOPICS, SPAN, {}, root=False), "\n".join(line[2:] for line in lines))
+    assert same(yaml_text(metadata_tree("x_0.mcap", TOPICS, SPAN, {})), "\n".join(line[2:] for line in lines))
 
 
 def test_empty_bag_starts_at_the_end_of_time():
-    tree = yaml.safe_load(metadata_text("x_0.mcap", (), None, {}, root=False))
+    tree = metadata_tree("x_0.mcap", (), None, {})
     assert tree["starting_time"] == {"nanoseconds_since_epoch": 9223372036854775807}
     assert tree["topics_with_message_count"] == []
 
@@ -121,7 +117,7 @@ def test_other_forms_of_custom_data_are_none(text):
 def test_any_text_survives_and_stays_text(custom, qos):
     """As text also where it looks like a number."""
     printable = {_legal(key): _legal(value) for key, value in custom.items()}
-    assert parse_custom_data(metadata_text("x_0.mcap", (), None, printable, root=False)) == printable
+    assert parse_custom_data(yaml_text(metadata_tree("x_0.mcap", (), None, printable))) == printable
     assert parse_qos(qos_text(qos)) == tuple(qos)
 
 

@@ -10,7 +10,6 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from slip_bags.info import report
 from slip_bags.reader import Bag
 from slip_bags.recover import recover
 from slip_core.errors import InputError
@@ -80,11 +79,10 @@ def refused(action: Callable[..., object], *arguments: object) -> InputError | N
 
 def use(path: Path) -> None:
     """Everything a reader does."""
-    with Bag(path) as bag:
-        list(report(bag))
-        for topic in bag.topics:
-            bag.series(topic)
-            list(bag.messages(topic))
+    bag = Bag(path)
+    for topic in bag.topics:
+        bag.series(topic)
+        list(bag.messages(topic))
 
 
 @SETTINGS
@@ -110,5 +108,5 @@ def test_recovering_damaged_files(sample, mutations):
         assert path.read_bytes() == data
         assert out.exists() == (error is None)
         if error is None:
-            with Bag(out) as bag:
-                assert len(list(bag.raw())) == bag.message_count
+            bag = Bag(out)
+            assert len(list(bag.raw())) == bag.message_count

@@ -10,8 +10,7 @@ import numpy as np
 from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.records import record
-from slip_core.symmetric import Sym
-from slip_core.vectors import Vec
+from slip_core.vectors import Sym, Vec
 from slip_sim_bridge.friction import friction_law
 from slip_sim_bridge.friction.limit_surface import scaled, substeps_needed
 from slip_sim_bridge.friction.params import FrictionParams, LugreParams

@@ -9,7 +9,6 @@ import numpy as np
 
 from slip_core.arrays import Array
 from slip_sim_bridge.params import BridgeParams
-from slip_sim_bridge.plant import Plant
 from slip_sim_bridge.simulation import Arm, Readings, Simulation
 
 UNBOUNDED = 1e8
@@ -17,31 +16,18 @@ UNBOUNDED = 1e8
 
 
 class OneArm:
-    """Delegates to `Simulation`; without a bound on how fast efforts change."""
+    """A `Simulation` without a bound on how fast efforts change."""
 
     def __init__(self, params: BridgeParams, urdf: str, plant: str = "rigid") -> None:
         self.params = params.model_copy(update={"effort_rate": UNBOUNDED, "plant": plant})
         self.all = Simulation({"": self.params}, {"": urdf})
 
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.all, name)
+
     @property
     def arm(self) -> Arm:
         return self.all.arms[0]
-
-    @property
-    def plant(self) -> Any:
-        return self.all.plant
-
-    @property
-    def held(self) -> Plant:
-        return self.all._held
-
-    @property
-    def loss(self) -> tuple[int, str] | None:
-        return self.all.loss
-
-    @property
-    def stamp_ns(self) -> int:
-        return self.all.stamp_ns
 
     @property
     def holding(self) -> bool:
@@ -50,9 +36,6 @@ class OneArm:
     @property
     def grip_force(self) -> float:
         return self.arm.gripper.force
-
-    def start_at(self, stamp_ns: int) -> None:
-        self.all.start_at(stamp_ns)
 
     def set_grip_force(self, force: float) -> None:
         self.all.set_grip_force(0, force)
@@ -63,11 +46,8 @@ class OneArm:
     def step(self, effort: Array | None) -> None:
         self.all.step([effort])
 
-    def reset(self) -> None:
-        self.all.reset()
-
     def observe(self) -> Readings:
         return self.all.observe(0)
 
     def holding_effort(self, target: Array, stiffness: float, damping: float) -> Array:
-        return self.plant.holding_effort(0, target, stiffness, damping)
+        return self.all.plant.holding_effort(0, target, stiffness, damping)

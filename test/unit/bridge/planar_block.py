@@ -43,10 +43,3 @@ class PlanarBlock:
         self.slip = self.slip + self.dt * out.velocity
         self.solution = out
         return out
-
-    def slide_to_rest(self, most_steps=100_000):
-        """Step without load until nothing slides; returns the number of steps."""
-        for k in range(most_steps):
-            if self.step().stick:
-                return k
-        raise AssertionError("the block never came to rest")

@@ -15,8 +15,6 @@ from slip_core.errors import InputError
 from slip_core.files.urdf import parse_urdf
 from slip_core.types import JointCommand, JointSample
 from slip_description import urdf_text
-from slip_sim_bridge.drives.drive import Drives
-from slip_sim_bridge.drives.params import DriveParams
 from slip_sim_bridge.plant.joint_step import JOINT_DRIVE, JOINT_DRIVE_SIZE, TORQUE, VELOCITY, joint_step
 from slip_sim_bridge.plant.model import tree_of
 from slip_sim_bridge.sensors.params import JointSensorParams
@@ -213,7 +211,7 @@ def test_a_command_that_jumps_to_and_fro_throws_no_arm(interface: str) -> None:
     simulation, rng = weightless(drive__interface=interface, drive__bandwidth=300.0), np.random.default_rng(5)
     for _ in range(1000):
         simulation.step(rng.choice((-1.0, 1.0), 7) * 10.0 ** rng.uniform(-3.0, 300.0, 7))
-        assert np.isfinite(simulation.observe().numbers).all()
+        assert np.isfinite(np.frombuffer(simulation.observe().truth.tobytes())).all()
 
 
 @pytest.mark.parametrize("delay", [0, 1, 4])
@@ -240,12 +238,10 @@ def test_efforts_lag_and_are_scaled_and_offset() -> None:
             simulation.observe().joint.effort, hold + 0.2 * (1.0 - math.exp(-DT * k / 0.005)), rtol=0.0, atol=1e-12
         )
         simulation.step(hold + 0.2)
-    params = DriveParams(gain=0.95, offset=(0.1,), ripple=0.02)
-    drives = Drives(params, np.full(2, 10.0), DT)
-    position = np.array((0.1, -0.3))
-    np.testing.assert_allclose(
-        drives.at_joints(np.array((1.0, -2.0)), position), np.array((1.05, -1.8)) + 0.02 * np.sin(6.0 * position)
-    )
+    (arm,) = scene(drive__gain=0.95, drive__offset=(0.1,), drive__ripple=0.02).all.arms
+    effort, position = np.linspace(-2.0, 1.0, 7), np.linspace(-0.3, 0.1, 7)
+    expected = 0.95 * effort + 0.1 + 0.02 * np.sin(6.0 * position)
+    np.testing.assert_allclose(arm.at_joints(effort, position), expected)
 
 
 def test_ideal_drives_are_not_there_and_friction_outlasts_the_object() -> None:
@@ -257,7 +253,7 @@ def test_ideal_drives_are_not_there_and_friction_outlasts_the_object() -> None:
         simulation.step(np.zeros(7))
     assert simulation.loss is not None
     assert np.abs(simulation.observe().joint.position - start).max() < 1e-12
-    assert simulation.observe().truth.twist[2] < -0.9
+    assert simulation.observe().truth.object_twist[2] < -0.9
 
 
 def test_the_friction_of_the_urdf_is_named() -> None:

@@ -188,9 +188,11 @@ def balances(period_s: float) -> tuple[float, float, float, float]:
         force, moment = np.zeros(3), np.zeros(3)
         for side, (x, R) in zip(sides, pads(simulation), strict=True):
             f, tau = R @ side.wrench.wrench[:3], R @ side.wrench.wrench[3:]
-            force, moment = force + f, moment + tau + np.cross(x - after.position, f)
-        spin = [t.rotation @ J @ t.rotation.T @ t.twist[3:] for t in (before, after)]
-        newton = max(newton, np.abs((after.twist[:3] - before.twist[:3]) / period_s - GRAVITY + force).max())
+            force, moment = force + f, moment + tau + np.cross(x - after.object_position, f)
+        spin = [t.object_rotation @ J @ t.object_rotation.T @ t.object_twist[3:] for t in (before, after)]
+        newton = max(
+            newton, np.abs((after.object_twist[:3] - before.object_twist[:3]) / period_s - GRAVITY + force).max()
+        )
         euler = max(euler, np.abs((spin[1] - spin[0]) / period_s + moment).max())
         largest = max(largest, np.abs(force).max())
     end, taken = energy(plant_of(simulation))
@@ -239,15 +241,15 @@ def test_slip_and_deflection_together_are_the_motion_of_the_pad_on_the_object() 
     x_0, R_0 = [], []
     truth = simulation.observe(0).truth
     for x, R in pads(simulation):
-        x_0.append(truth.rotation.T @ (x - truth.position))
-        R_0.append(truth.rotation.T @ R)
+        x_0.append(truth.object_rotation.T @ (x - truth.object_position))
+        R_0.append(truth.object_rotation.T @ R)
     start = deflections(simulation)
     efforts = holding(simulation)
     for k in range(300):
         simulation.step(push(simulation, efforts, k / 300))
     truth = simulation.observe(0).truth
     for side, (x, _R) in enumerate(pads(simulation)):
-        moved = R_0[side].T @ (truth.rotation.T @ (x - truth.position) - x_0[side])
+        moved = R_0[side].T @ (truth.object_rotation.T @ (x - truth.object_position) - x_0[side])
         slip = simulation.observe(side).truth.slip_displacement
         bent = start[side] - deflections(simulation)[side]
         now = deflections(simulation)[side]
@@ -269,17 +271,17 @@ def test_what_no_pad_holds_falls_and_one_pad_that_holds_carries() -> None:
     assert not simulation.observe(0).slip.twist.any()
     assert not deflections(simulation)[0].any()  # a pad that presses nothing is not bent
     right = simulation.observe(1)
-    assert right.truth.twist[2] > -0.6, "it hangs and swings on the other pad; in free fall it is -0.981"
-    assert (right.pad[1] @ right.wrench.wrench[:3])[2] < -5.0
+    assert right.truth.object_twist[2] > -0.6, "it hangs and swings on the other pad; in free fall it is -0.981"
+    assert (right.truth.pad_rotation @ right.wrench.wrench[:3])[2] < -5.0
     simulation.set_grip_force(0, 60.0)
     simulation.step([None, None])
     assert not simulation.observe(0).wrench.wrench.any(), "a grip that comes back does not catch it"
     simulation.set_grip_force(1, 0.0)
     simulation.step([None, None])
-    before = simulation.observe(0).truth.twist[2]
+    before = simulation.observe(0).truth.object_twist[2]
     for _ in range(100):
         simulation.step([None, None])
-    assert simulation.observe(0).truth.twist[2] - before == pytest.approx(-0.981, rel=1e-9)
+    assert simulation.observe(0).truth.object_twist[2] - before == pytest.approx(-0.981, rel=1e-9)
     assert not simulation.observe(1).wrench.wrench.any()
     simulation.reset()
     assert simulation.loss is None
@@ -294,8 +296,8 @@ def test_a_push_acts_where_the_arm_grips() -> None:
     for _ in range(1500):
         simulation.step([None, None])
     readings = [simulation.observe(k) for k in range(2)]
-    forces = [reading.pad[1] @ reading.wrench.wrench[:3] for reading in readings]
-    assert np.abs(readings[0].truth.twist).max() < 1e-4
+    forces = [reading.truth.pad_rotation @ reading.wrench.wrench[:3] for reading in readings]
+    assert np.abs(readings[0].truth.object_twist).max() < 1e-4
     np.testing.assert_allclose(forces[0] + forces[1], (6.0, 0.0, -9.81), atol=1e-3)
     assert forces[0][0] == pytest.approx(forces[1][0], rel=0.02)
 

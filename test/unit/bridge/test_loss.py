@@ -29,7 +29,7 @@ def test_without_grip_the_object_falls_in_every_scenario(name: str) -> None:
     for _ in range(FALL_TICKS):
         simulation.step(None)
     readings, fallen_s = simulation.observe(), 1e-3 * FALL_TICKS
-    fall = before.position - readings.truth.position
+    fall = before.object_position - readings.truth.object_position
     np.testing.assert_allclose(fall, [0.0, 0.0, 0.5 * 9.81 * fallen_s**2], rtol=3 * FIRST_ORDER, atol=1e-6)
     assert simulation.loss is not None
     assert simulation.loss == (0, "the object is lost: the grip is zero")
@@ -44,7 +44,7 @@ def test_over_the_edge_it_is_lost_and_before_it_is_not(plant: str) -> None:
     simulation = scene("vertical_plane", grip__force=2.0, grip__pad_size=(0.01, 0.03), plant=plant)
     hold, x, y = Shaker(simulation, 2, 0.0), 0.0, 0.0
     while simulation.loss is None:
-        x, y = simulation.held.gripped_at(0)
+        x, y = simulation._held.gripped_at(0)
         simulation.step(hold.effort())
         assert simulation.stamp_ns < 1_000_000_000
     assert abs(x) > 0.005 or abs(y) > 0.015
@@ -69,12 +69,12 @@ def test_a_lost_object_keeps_its_momentum_and_turns_as_a_free_body_does() -> Non
     last, passed_s = simulation.observe().truth, 1e-3 * FALL_TICKS
 
     def momentum(truth):
-        return truth.rotation @ J @ truth.rotation.T @ truth.twist[3:]
+        return truth.object_rotation @ J @ truth.object_rotation.T @ truth.object_twist[3:]
 
-    assert np.linalg.norm(first.twist[3:]) > 0.1
-    np.testing.assert_allclose(last.twist[:3], first.twist[:3] - [0.0, 0.0, 9.81 * passed_s], atol=1e-6)
-    moved = first.twist[:3] * passed_s - np.array([0.0, 0.0, 0.5 * 9.81 * passed_s**2])
-    np.testing.assert_allclose(last.position - first.position, moved, atol=5e-3)
+    assert np.linalg.norm(first.object_twist[3:]) > 0.1
+    np.testing.assert_allclose(last.object_twist[:3], first.object_twist[:3] - [0.0, 0.0, 9.81 * passed_s], atol=1e-6)
+    moved = first.object_twist[:3] * passed_s - np.array([0.0, 0.0, 0.5 * 9.81 * passed_s**2])
+    np.testing.assert_allclose(last.object_position - first.object_position, moved, atol=5e-3)
     np.testing.assert_allclose(momentum(last), momentum(first), rtol=0, atol=0.02 * np.linalg.norm(momentum(first)))
 
 

@@ -28,10 +28,10 @@ def test_a_push_on_a_held_object_is_what_the_wrench_changes_by() -> None:
 def test_what_friction_cannot_hold_moves_with_the_push() -> None:
     simulation = scene("paper_planar", grip__force=2.0)
     simulation.push(np.array([1.5, 0.0, 0.0, 0.0, 0.0, 0.0]), NONE)
-    start = simulation.observe().truth.position
+    start = simulation.observe().truth.object_position
     for _ in range(200):
         simulation.step(None)
-    moved = simulation.observe().truth.position - start
+    moved = simulation.observe().truth.object_position - start
     # m a = F - mu_k N, with mu_k N between 0.8 and 1 N while it begins to slide
     assert 0.5 * (1.5 - 1.0) / 0.5 * 0.2**2 < moved[0] < 0.5 * (1.5 - 0.8) / 0.5 * 0.2**2 + 0.01
     assert abs(moved[1]) < 1e-3
@@ -58,7 +58,7 @@ def test_no_push_changes_no_bit() -> None:
     for _ in range(50):
         pushed.step(None)
         plain.step(None)
-    assert pushed.observe().numbers.tobytes() == plain.observe().numbers.tobytes()
+    assert pushed.observe().truth.tobytes() == plain.observe().truth.tobytes()
 
 
 def test_a_push_on_other_joints_is_refused() -> None:
@@ -71,7 +71,7 @@ def _wrench_in_world(simulation) -> np.ndarray:
     for _ in range(SETTLED):
         simulation.step(None)
     readings = simulation.observe()
-    grasp = readings.truth.rotation @ _GRASPED
+    grasp = readings.truth.object_rotation @ _GRASPED
     wrench = readings.wrench.wrench
     return np.concatenate((grasp @ wrench[:3], grasp @ wrench[3:]))
 

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from slip_core.params import build
-from slip_core.types import DisplacementSample, JointSample, ObjectTruth, SlipSample, WrenchSample
+from slip_core.types import DisplacementSample, JointSample, SlipSample, WrenchSample
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.sensors.slip import FLAG_SPEED, lifted_chip_reading, pose_of
 from slip_sim_bridge.sensors.suite import SensorSuite
@@ -124,10 +124,7 @@ def places(turn: tuple[float, ...], count: int, **values: Any) -> list[Displacem
     settings = {f"sensors.slip.{name.replace('__', '.')}": value for name, value in values.items()}
     given = {"slip_input": "displacement", "contacts.slip_axes": [1, 1, 0, 0, 0, 1], **settings}
     suite = SensorSuite(build(BridgeParams, given, "test"))
-    truth = [
-        ObjectTruth(k * MS, np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(6), np.array(turn), np.zeros(6))
-        for k in range(count)
-    ]
+    truth = [SlipSample(k * MS, np.array(turn)) for k in range(count)]
     return [sample for each in truth for sample in suite.slip.update(each)]
 
 

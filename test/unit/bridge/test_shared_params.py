@@ -5,9 +5,9 @@ from __future__ import annotations
 from slip_core.grasp_params import ArmParams, ContactParams, ObjectParams
 from slip_core.params import ParameterModel, parameter_infos
 from slip_sim_bridge.params import BridgeParams
-from slip_vic_controller.params.node_params import ControllerNodeParams
+from slip_vic_controller.params.controller_params import ControllerParams
 
-NODES = (BridgeParams, ControllerNodeParams)
+NODES = (BridgeParams, ControllerParams)
 SAME_NAME_OTHER_MEANING = {"mode", "expected_subscribers"}  # what a node does in it, whom it waits for
 
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from slip_sim_bridge.session import BridgeSession
-from slip_vic.scenarios.scenario import load_scenario
+from slip_vic.scenarios.scenario import load
 from test.unit.bridge.scenes import scene
 
 
@@ -26,7 +26,7 @@ def test_an_effort_changes_at_its_rate_up_to_its_limit() -> None:
 
 def test_a_position_leads_a_joint_by_what_its_speed_makes_good_in_a_period() -> None:
     """A loop of bandwidth K goes 1 - exp(-K T) of the way: with that lead it moves at its speed, and no faster."""
-    scenario = load_scenario("paper_planar", drive="position_250")
+    scenario = load("paper_planar", law="vic", drive="position_250")
     arm = BridgeSession(scenario.bridges, scenario.urdfs).simulation.arms[0]
     period, bandwidth = scenario.bridge.control_period_s, scenario.bridge.drive.bandwidth
     posture = 0.5 * (arm.joints.lower + arm.joints.upper)

@@ -21,17 +21,17 @@ from slip_core.topics import TOPICS
 from slip_vic.cli import main
 from slip_vic.run.in_process import run_in_process
 from slip_vic.scenarios.reach import REACHED, follow, pad_path
-from slip_vic.scenarios.scenario import load_scenario, read_parameters
+from slip_vic.scenarios.scenario import load, read_parameters
 from slip_vic.setup.arm import posture
 from slip_vic.setup.arm.driver import DRIVERS
 from slip_vic.setup.arm.hand import find_hand, fingers
 from slip_vic.setup.arm.posture import Start
 from slip_vic.setup.arm.write import ROTOR, Arm, failing, write_arm
 from slip_vic.setup.arm.write_urdf import PAD, possible_inertia
-from slip_vic_controller.params.node_params import ControllerNodeParams
+from slip_vic_controller.config.controller import Controller
+from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.robot import Robot
-from slip_vic_controller.safety.modes import Mode
-from slip_vic_controller.session.controller import Controller
+from slip_vic_controller.safety.conditions import Mode
 from test.support.odd_arm import JOINTS, odd_arm_urdf, with_joint, with_link
 
 ROUNDING = 1e-9
@@ -126,7 +126,7 @@ def test_servos_at_50_hz_carry_with_five_joints(tmp_path: Path) -> None:
     arm = Arm(URDF.replace('effort="150"', 'effort="0"'), locked={"joint_5": 0.0}, by_effort=False)
     content = arm.task("paper_planar", 0.5)[0]
     write_arm(arm, {"paper_planar": content}, tmp_path, Path("odd.urdf"), "position_50")
-    run = load_scenario(str(tmp_path / "paper_planar.yaml"), law="governed", drive="position_50").run()
+    run = load(str(tmp_path / "paper_planar.yaml"), law="governed", drive="position_50").run()
     assert run.outcome == "ok", run.reason
     assert run.worst("slip_linear_m") < REACHED
     assert run.worst("final_error_m") < 2e-3  # a step of the encoders at the arm's length
@@ -134,7 +134,7 @@ def test_servos_at_50_hz_carry_with_five_joints(tmp_path: Path) -> None:
 
 def test_a_start_inside_the_margin_of_a_limit_will_not_do() -> None:
     arm, _, start = planar()
-    known = load_scenario("paper_planar").controller
+    known = load("paper_planar", law="vic").controller
     near = start._replace(way=start.way._replace(margin=np.full(6, 0.9 * known.safety.limits.position_margin)))
     assert "0.09 rad from its limit" in failing(near, arm.robot, known)
 
@@ -183,15 +183,13 @@ def test_a_wrist_without_inertia_gets_that_of_a_rotor() -> None:
 
 def test_the_folder_runs_from_anywhere(file: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     arm, content, start = planar()
-    assert failing(start, arm.robot, load_scenario("paper_planar").controller) == ""
+    assert failing(start, arm.robot, load("paper_planar", law="vic").controller) == ""
     written = write_arm(arm, {"paper_planar": content}, Path("made"), file)
     assert [path.name for path in written] == [
         "arm.urdf", "paper_planar.yaml", "paper_planar_controller_realtime.yaml",
     ]  # fmt: skip
     monkeypatch.chdir("/")
-    scenario = load_scenario(
-        str(tmp_path / "made" / "paper_planar.yaml"), law="governed", assignments=["bridge.duration_s=0.1"]
-    )
+    scenario = load(str(tmp_path / "made" / "paper_planar.yaml"), law="governed", set=["bridge.duration_s=0.1"])
     scenario.check()
     ticks = list(run_in_process(scenario))
     assert {tick.result.mode for tick in ticks[5:]} == {Mode.ACTIVE}
@@ -199,7 +197,7 @@ def test_the_folder_runs_from_anywhere(file: Path, monkeypatch: pytest.MonkeyPat
 
 
 def test_the_start_has_the_hand_in_the_attitude_of_the_scenario() -> None:
-    arm, known = Arm(URDF), load_scenario("vertical_plane")
+    arm, known = Arm(URDF), load("vertical_plane", law="vic")
     _, start, _ = arm.task("vertical_plane", 0.5)
     own = Robot(known.urdf, known.controller.ee_frame, known.controller.joint_names)
     wanted = own.frame(np.array(known.bridge.initial_position))[1]
@@ -207,7 +205,7 @@ def test_the_start_has_the_hand_in_the_attitude_of_the_scenario() -> None:
 
 
 def test_the_way_follows_the_path() -> None:
-    (arm, _, start), known = planar(), load_scenario("paper_planar")
+    (arm, _, start), known = planar(), load("paper_planar", law="vic")
     times, path = pad_path(known.controller.trajectory)
     way = follow(arm.robot, start.posture, times, path, np.zeros(3))
     origin = arm.robot.frame(start.posture)[0]
@@ -244,7 +242,7 @@ BAD = {
     "a lock without value": (["odd.urdf", "--lock", "joint_1"], URDF, ["--lock", "JOINT=VALUE"]),
     "a lock of nothing": (["odd.urdf", "--lock", "elbow=1"], URDF, ["unknown joint 'elbow'"]),
     "a missing limit": (
-        ["odd.urdf"], with_joint(URDF, "joint_2", "<limit[^>]*>", ""), ["joint_2", "<limit", "--lock joint_2"]
+        ["odd.urdf"], with_joint(URDF, "joint_2", "<limit[^>]*>", ""), ["joint_2", "velocity limit 0", "--limit"]
     ),
     "no effort": (["odd.urdf"], URDF.replace('effort="150"', 'effort="0"', 1), ["joint_1", "limit 0", "--limit"]),
     "a placeholder for an effort": (["odd.urdf"], URDF.replace('effort="150"', 'effort="1"'), ["limit 1", "--drive"]),
@@ -290,7 +288,7 @@ def test_the_file_for_the_real_arm_is_safe_to_start(tmp_path: Path) -> None:
     arm, content, _ = planar()
     *_, file = write_arm(arm, {"paper_planar": content}, tmp_path, Path("odd.urdf"))
     assert file.name == "paper_planar_controller_realtime.yaml"
-    params = build(ControllerNodeParams, read_parameters(file), "the file")
+    params = build(ControllerParams, read_parameters(file), "the file")
     assert (params.mode, params.trajectory.kind, params.safety.auto_enable) == ("realtime", "hold", False)
     assert (params.governor.mode, params.governor.friction, params.gains.spin) == ("slow_down", "unknown", "bounded")
     pairs = list(itertools.pairwise(file.read_text().splitlines()))
@@ -300,7 +298,7 @@ def test_the_file_for_the_real_arm_is_safe_to_start(tmp_path: Path) -> None:
     assert {"control_period_s", "effort.gravity", "trajectory.kind", "safety.auto_enable", "joint_names"} <= names
     assert params.command.interface == "effort"
     *_, file = write_arm(arm, {"paper_planar": content}, tmp_path, Path("odd.urdf"), "velocity_500")
-    params = build(ControllerNodeParams, read_parameters(file), "the file")
+    params = build(ControllerParams, read_parameters(file), "the file")
     assert (params.command.interface, params.drive.delay_s, params.trajectory.kind) == ("velocity", 0.004, "hold")
     assert params.control_period_s == pytest.approx(0.002)
 
@@ -310,7 +308,7 @@ def test_a_file_that_was_edited_stays(tmp_path: Path) -> None:
     for _ in range(2):
         write_arm(arm, {"paper_planar": content}, tmp_path, Path("odd.urdf"), "velocity_500", "vision_60")
     file = tmp_path / "paper_planar_controller_realtime.yaml"
-    assert build(ControllerNodeParams, read_parameters(file), "the file").slip_sensor.rate_hz == 60.0
+    assert build(ControllerParams, read_parameters(file), "the file").slip_sensor.rate_hz == 60.0
     file.write_text(edited := file.read_text().replace("auto_enable: false", "auto_enable: true"))
     with pytest.raises(InputError, match=r"realtime\.yaml: got a file that was edited"):
         write_arm(arm, {"paper_planar": content}, tmp_path, Path("odd.urdf"))
@@ -326,16 +324,20 @@ def test_a_driver_gets_its_controllers_and_remaps(name: str, tmp_path: Path) -> 
         assert driver.settings["wrench.frame"] in named(parse_urdf(arm.urdf), "link")
     write_arm(arm, {"paper_planar": content}, tmp_path, Path("odd.urdf"), driver.drive, "", driver)
     known = yaml.safe_load((tmp_path / "controllers.yaml").read_text())
-    params = build(ControllerNodeParams, read_parameters(tmp_path / "paper_planar_controller_realtime.yaml"), "file")
+    params = build(ControllerParams, read_parameters(tmp_path / "paper_planar_controller_realtime.yaml"), "file")
     kind = params.command.interface
     forward = known[f"forward_{kind}_controller"]["ros__parameters"]
-    assert forward == {"joints": list(JOINTS), "interface_name": kind}
+    of = "forward_command_controller/ForwardCommandController"
+    assert forward == {"type": of, "joints": list(JOINTS), "interface_name": kind}
     manager = known["controller_manager"]["ros__parameters"]
     assert manager["update_rate"] * params.control_period_s == pytest.approx(1.0)
     launch = ElementTree.parse(tmp_path / "paper_planar.launch.xml").getroot()
-    spawner, node = launch.findall("node")
-    spawned = spawner.get("args", "").partition(" --param-file")[0].split()
-    assert [manager[one]["type"].split("/")[0] != "" for one in spawned] == [True] * len(spawned)
+    *spawners, node = launch.findall("node")
+    assert [(one.get("name"), one.get("default")) for one in launch.findall("arg")] == [("ros_args", "")]
+    assert node.get("ros_args") == "$(var ros_args)"
+    for spawner in spawners:
+        one = spawner.get("args", "").partition(" --param-file")[0]
+        assert known[one]["ros__parameters"]["type"] == manager[one]["type"]
     remaps = {str(one.get("from")): one.get("to") for one in node.findall("remap")}
     assert set(remaps) <= set(TOPICS)
     assert remaps[f"{kind}_controller/commands"] == f"/forward_{kind}_controller/commands"
@@ -344,6 +346,13 @@ def test_a_driver_gets_its_controllers_and_remaps(name: str, tmp_path: Path) -> 
     )
     assert params.publish_effort_array or kind != "effort"
     Controller({"": params.model_copy(update={"robot_description": arm.urdf})}, {"": arm.urdf}, lockstep=False)
+
+
+def test_continuous_joints_without_limits_get_those_that_are_given() -> None:
+    bare = re.sub(r"<limit[^>]*/>", "", URDF.replace('type="revolute"', 'type="continuous"'))
+    with pytest.raises(InputError, match=r"velocity limit 0, which means unknown.*--limit"):
+        Arm(bare)
+    Arm(bare, limits={"*": {"effort": 28.0, "velocity": 3.1}})
 
 
 def test_a_pad_inside_the_flange_is_said() -> None:

@@ -19,9 +19,10 @@ MISTAKES = {
     "wrong type": (["--set", "object.mass=heavy"], ["object.mass", "heavy"]),
     "not finite": (["--set", "object.mass=.nan"], ["object.mass", "nan"]),
     "domain out of range": (["--domain-id", "500"], ["ROS_DOMAIN_ID", "500"]),
-    "controller unknown": (["--law", "pid"], ["pid", "vic"]),
-    "urdf missing": (["--urdf", "nowhere.urdf"], ["nowhere.urdf"]),
-    "urdf without the frame": (["--urdf", "tip.urdf"], ["ee_frame", "link of the URDF", "tip"]),
+    "namespace that ROS refuses": (["--namespace", "a b"], ["--namespace a b", "letters, digits"]),
+    "controller unknown": (["--law", "pid"], ["pid", "did you mean printed"]),
+    "urdf missing": (["--set", "robot_description_file=nowhere.urdf"], ["nowhere.urdf"]),
+    "urdf without the frame": (["--set", "robot_description_file=tip.urdf"], ["ee_frame", "link of the URDF", "tip"]),
     "start beyond a limit": (
         ["--set", "bridge.initial_position=[0, 0, 0, 1.0, 0, 1, 0]"],
         ["arm_joint4", "limits", "slip-vic arm"],
@@ -31,7 +32,7 @@ MISTAKES = {
         ["singular", "sigma_min"],
     ),
     "path out of reach": (["--set", "controller.trajectory.displacement=[0, 0, 2]"], ["trajectory", "% of its time"]),
-    "urdf is not xml": (["--urdf", "broken.urdf"], ["robot_description", "URDF"]),
+    "urdf is not xml": (["--set", "robot_description_file=broken.urdf"], ["robot_description", "URDF"]),
     "scenario file is not yaml": (["--scenario", "broken.yaml"], ["broken.yaml, line", "got no ',' or ']'"]),
     "scenario file with an unknown key": (["--scenario", "extra.yaml"], ["unknown name", "did you mean duration_s"]),
     "parameter file missing": (

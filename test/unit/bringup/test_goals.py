@@ -10,9 +10,9 @@ from slip_core.types import PoseGoal
 from slip_vic.replay.run_data import read_run
 from slip_vic.replay.verify import verify_run
 from slip_vic.run.in_process import ClosedLoop
-from slip_vic.scenarios.scenario import load_scenario
+from slip_vic.scenarios.scenario import load
 from slip_vic_controller.node.task_topics import GoalWatch
-from slip_vic_controller.safety.modes import Mode, Request
+from slip_vic_controller.safety.conditions import Mode, Request
 from test.support.run_maker import goal_message, record_run
 
 HELD_M = 1e-7
@@ -23,17 +23,17 @@ class Run:
     """A closed loop whose goals are relative to where the pad began; `at` does something at a tick."""
 
     def __init__(self, scenario: str, controller: str, seconds: float, at, *assignments: str) -> None:
-        loaded = load_scenario(
+        loaded = load(
             scenario, law=controller,
-            assignments=("controller.trajectory.kind=goal", f"bridge.duration_s={seconds}", *assignments),
+            set=("controller.trajectory.kind=goal", f"bridge.duration_s={seconds}", *assignments),
         )  # fmt: skip
         self.loop = loop = ClosedLoop(loaded)
         listener, self.lines, self.references, self.slip_m, self.load = GoalWatch(loop.session), [], [], 0.0, 0.0
         for tick in range(round(1000 * seconds)):
-            outputs = loop.observe()
+            outputs = loop.bridge.observe()
             if tick in at:
                 at[tick](self)
-            self.result = loop.control(outputs)
+            self.result = loop.answer(outputs)[0]
             record = self.result.record
             reference = record.reference
             pose = np.array(reference.position), np.array(reference.rotation), np.array(reference.twist)
@@ -54,7 +54,7 @@ def test_new_goal_waits_for_rest() -> None:
     run = Run("paper_planar", "governed", 5.0, {5: first, 900: second})
     assert run.lines == [
         "goal 1 moves",
-        "goal 2 waits until the pad is at rest on the path that it is on",
+        "goal 2 waits until the pad is at rest on its current path",
         "goal 2 moves",
         "goal 2 reached",
     ]
@@ -74,7 +74,7 @@ def test_impossible_goal_is_refused() -> None:
         "controller.governor.margin=0.95",
     )  # fmt: skip
     (refusal,) = heavy.lines
-    assert refusal.startswith("goal 1 refused: friction cannot carry the object where its path is at 0.800 s: ")
+    assert refusal.startswith("goal 1 refused: friction cannot carry the object at 0.800 s of its path: ")
     assert heavy.result.mode == Mode.ACTIVE
     assert np.abs(heavy.references[-1][0] - heavy.references[0][0]).max() < 1e-9
 
@@ -85,14 +85,14 @@ def test_impossible_goal_is_refused() -> None:
         run.loop.session.request(Request.HOLD)
 
     late = Run("paper_planar", "classical", 1.1, {5: hold_then_give, 1090: lambda run: run.give(*PAPER)})
-    assert late.lines == ["goal 1 refused: the law is not at work, see controller/mode"]
+    assert late.lines == ["goal 1 refused: the law is not active, see controller/mode"]
 
 
 def test_runs_with_goals_replay_identically(tmp_path) -> None:
     for controller in ("governed", "vic"):
-        loaded = load_scenario(
+        loaded = load(
             "paper_planar", law=controller,
-            assignments=("controller.trajectory.kind=goal", "bridge.duration_s=0.3", "bridge.friction.mu_s=0.2",
+            set=("controller.trajectory.kind=goal", "bridge.duration_s=0.3", "bridge.friction.mu_s=0.2",
                          "bridge.friction.mu_k=0.15"),
         )  # fmt: skip
         goals = {
@@ -100,6 +100,6 @@ def test_runs_with_goals_replay_identically(tmp_path) -> None:
             200: goal_message((0, 0, 0.4), (0, 0, 1, 0), 0.4),
         }
         record_run(tmp_path / controller, loaded, goals=goals)
-        with Bag(tmp_path / controller) as bag:
-            verdict = verify_run(read_run(bag))
+        bag = Bag(tmp_path / controller)
+        verdict = verify_run(read_run(bag))
         assert verdict.text() == "identical: 300 cycles, 2100 efforts, to the last bit"

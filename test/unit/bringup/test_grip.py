@@ -8,15 +8,14 @@ import numpy as np
 import pytest
 
 from slip_core.errors import InputError
-from slip_core.records import dtype_of, new, record
-from slip_sim_bridge.gripper import Gripper
+from slip_sim_bridge.arm import Gripper
 from slip_sim_bridge.params import GripParams
 from slip_vic.presets import preset_names
 from slip_vic.run.in_process import ClosedLoop
-from slip_vic.scenarios.scenario import load_scenario
+from slip_vic.scenarios.scenario import load
 from slip_vic_controller.governor.grip import SINKS_S, Grip, GripConfig, squeeze
-from slip_vic_controller.safety.modes import Mode
-from test.support.call import call
+from slip_vic_controller.safety.conditions import Mode
+from test.support.call import blank, call
 
 LAG_S = 0.1
 SLIP_M = 4e-4
@@ -24,11 +23,11 @@ SLIP_M = 4e-4
 
 def run(scenario: str, *assignments: str, seconds: float):
     """Return the largest slip [m], the last result and grips (commanded, taken, true) [N]."""
-    loaded = load_scenario(scenario, law="governed_follow", assignments=(*assignments, f"bridge.duration_s={seconds}"))
+    loaded = load(scenario, law="governed_follow", set=(*assignments, f"bridge.duration_s={seconds}"))
     loop, slip, grips = ClosedLoop(loaded), 0.0, []
     while not loop.bridge.finished:
-        outputs = loop.observe()
-        result = loop.control(outputs)
+        outputs = loop.bridge.observe()
+        result = loop.answer(outputs)[0]
         slip = max(slip, float(np.linalg.norm(outputs.truth.slip_displacement[:3])))
         grips.append((result.grip, float(result.record.governor.grip_force), outputs.arms[0].readings.grip))
         loop.bridge.advance([result.command])
@@ -48,7 +47,7 @@ def test_grip_follows_a_heavy_path() -> None:
 
 
 def test_squeeze_rises_at_once_sinks_slowly_and_only_rises_in_a_slip() -> None:
-    config, grip = (record(new(layout), layout) for layout in map(dtype_of, (GripConfig, Grip)))
+    config, grip = map(blank, (GripConfig, Grip))
     config.cap, config.least_force, config.error_force, grip.command = 10.0, 0.5, 0.1, 1.0
     for needed, slides, expected in (
         (3.0, False, 3.1),
@@ -72,8 +71,10 @@ def test_gripper_has_a_lag() -> None:
             if lag_s > 0.0:
                 assert abs(gripper.force - (3.0 - 2.0 * math.exp(-tick * 1e-3 / lag_s))) < 1e-9
     assert gripper.force == 3.0, "without lag it is what is commanded, to the last bit"
-    with pytest.raises(InputError, match="grip force"):
-        gripper.command(-1.0)
+    for force in (-0.1, math.nan, math.inf):
+        with pytest.raises(InputError, match="grip force"):
+            gripper.command(force)
+    assert gripper.force == 3.0
 
 
 def test_gripper_has_steps_friction_and_a_least_force() -> None:
@@ -86,7 +87,7 @@ def test_gripper_has_steps_friction_and_a_least_force() -> None:
 
 @pytest.mark.parametrize("gripper", preset_names("grippers"))
 def test_preset_is_known_to_both_sides(gripper: str) -> None:
-    loaded = load_scenario("paper_planar", law="governed_follow", gripper=gripper)
+    loaded = load("paper_planar", law="governed_follow", gripper=gripper)
     simulated, known = loaded.bridge.grip, loaded.controller.grip
     assert (simulated.lag_s, simulated.least_force) == (known.lag_s, known.least_force)
     assert known.error_force >= simulated.hysteresis + 0.5 * simulated.quantum - 1e-9
@@ -94,9 +95,9 @@ def test_preset_is_known_to_both_sides(gripper: str) -> None:
 
 
 def test_following_grip_needs_a_path() -> None:
-    with pytest.raises(InputError, match=r"grip\.control follow needs a path"):
-        load_scenario("paper_planar", assignments=("controller.grip.control=follow",))
+    with pytest.raises(InputError, match=r"grip\.control follow needs a governed path"):
+        load("paper_planar", law="vic", set=("controller.grip.control=follow",))
     with pytest.raises(InputError, match=r"grip\.cap"):
-        load_scenario("paper_planar", law="governed_follow", assignments=("controller.grip.cap=0.1",))
-    with pytest.raises(InputError, match=r"handover open needs a grip"):
-        load_scenario("paper_planar", law="governed", assignments=("controller.handover=open",))
+        load("paper_planar", law="governed_follow", set=("controller.grip.cap=0.1",))
+    with pytest.raises(InputError, match=r"handover open needs a commanded grip"):
+        load("paper_planar", law="governed", set=("controller.handover=open",))

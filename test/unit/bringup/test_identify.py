@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from slip_bags.reader import Bag
 from slip_core.arrays import Array
+from slip_core.errors import InputError
 from slip_description import urdf_text
 from slip_vic.cli import cli
-from slip_vic.presets.models import load_drive
-from slip_vic.scenarios.scenario import load_scenario
-from slip_vic.setup.identify import Motion, identify, read_motion, read_slip, slip_mistake
-from slip_vic_controller.robot import Robot
+from slip_vic.presets.models import DrivePreset, load_preset
+from slip_vic.run.data import ArmData, Channel, urdf_of
+from slip_vic.scenarios.scenario import load
+from slip_vic.setup.identify import identify, read_motion, slip_mistake, velocity_of
+from test.support.bag_maker import make_bag
 from test.support.run_maker import record_run
 from test.unit.bridge.scenes import scene
 
@@ -23,13 +28,23 @@ VISCOUS, OFFSET = 0.4, (0.1, -0.1, 0.05, 0.0, 0.05, -0.05, 0.02)
 BAG = Path(__file__).parents[3] / "bags" / "paper_planar_classical"
 
 
-def slow_motion(seconds: float = 8.0) -> tuple[Motion, Robot]:
+def motion(times: Array, q: Array, v: Array, effort: Array) -> ArmData:
+    rows = {"joints": q, "joint_velocity": v, "joint_effort": effort}
+    channels = {name: Channel(times, own) for name, own in rows.items()}
+    return ArmData("", urdf_text(), tuple(scene().params.joint_names), {}, channels)
+
+
+def with_slip(twists: Callable[[Channel], Array]) -> ArmData:
+    arm = read_motion(BAG)
+    slip = arm.channel("slip_measured")
+    return replace(arm, channels={**arm.channels, "slip_measured": Channel(slip.times, twists(slip))})
+
+
+def slow_motion(seconds: float = 8.0) -> ArmData:
     """Let all joints go to and fro at up to 0.08 rad/s, with an empty hand, and record without noise."""
     simulation = scene(drive__coulomb=COULOMB, drive__viscous=(VISCOUS,), drive__offset=OFFSET)
     simulation.set_grip_force(0.0)
     simulation.step(None)
-    params = simulation.params
-    robot = Robot(urdf_text(), params.ee_frame, params.joint_names)
     start, wave = (
         simulation.observe().joint.position.copy(),
         2.0 * np.pi / np.array((3.0, 3.5, 4.0, 2.5, 3.2, 2.8, 3.7)),
@@ -44,11 +59,11 @@ def slow_motion(seconds: float = 8.0) -> tuple[Motion, Robot]:
         simulation.step(ahead + np.array(COULOMB) * np.tanh(speed / 0.01))
         rows.append((state.position, state.velocity, simulation.observe().joint.effort))
     q, v, effort = (np.array(column) for column in zip(*rows, strict=True))
-    return Motion(params.joint_names, 1e-3 * np.arange(len(q)), q, v, effort, np.zeros_like(q)), robot
+    return motion(1e-3 * np.arange(len(q)), q, v, effort)
 
 
 def test_friction_and_offset_are_found_again() -> None:
-    found = identify(*slow_motion())
+    found = identify(slow_motion(), "ee")
     for one, coulomb, offset in zip(found.itertuples(), COULOMB, OFFSET, strict=True):
         assert one.coulomb == pytest.approx(coulomb, abs=0.01), one
         assert one.viscous == pytest.approx(VISCOUS, abs=0.08), one
@@ -59,11 +74,9 @@ def test_noise_and_quantum_are_found_again_and_a_joint_at_rest_has_no_friction_t
     rng, time = np.random.default_rng(1), 1e-3 * np.arange(4000)
     q = np.zeros((4000, 7))
     q[:, 0] = 0.05 * np.sin(time)
-    robot = Robot(urdf_text(), "ee", scene().params.joint_names)
     v = 0.05 * np.cos(time)[:, None] * np.eye(7)[0] + 0.003 * rng.standard_normal((4000, 7))
     step = 2e-5
-    motion = Motion(robot.joint_names, time, step * np.round(q / step), v, np.zeros_like(q), np.zeros_like(q))
-    found = identify(motion, robot)
+    found = identify(motion(time, step * np.round(q / step), v, np.zeros_like(q)), "ee")
     assert found["quantum"].iloc[0] == pytest.approx(step, rel=1e-6)
     assert (found["noise_position"] < step).all()
     np.testing.assert_allclose(found["noise_velocity"], 0.003, rtol=0.05)
@@ -75,17 +88,15 @@ def test_the_command_reads_a_bag_and_writes_a_drive_file(tmp_path: Path) -> None
     result = CliRunner().invoke(cli, ["identify", str(BAG), "--out", str(file)], catch_exceptions=False)
     assert result.exit_code == 0, result.output
     assert "arm_joint7" in result.output
-    assert load_drive(str(file)).drive.interface == "effort"
+    assert load_preset(DrivePreset, str(file)).drive.interface == "effort"
 
 
 def test_a_bag_without_velocities_shows_friction_too(tmp_path: Path) -> None:
     words = ("bridge.sensors.joint.velocity=false", "bridge.duration_s=3.0")
-    record_run(
-        tmp_path / "bag", load_scenario("glass_transport", law="classical", drive="torque_joint", assignments=words)
-    )
-    motion, robot = read_motion(tmp_path / "bag", "ee")
-    assert np.isfinite(motion.velocity).all()
-    found = identify(motion, robot)
+    record_run(tmp_path / "bag", load("glass_transport", law="classical", drive="torque_joint", set=words))
+    recorded = read_motion(tmp_path / "bag")
+    assert np.isfinite(velocity_of(recorded)).all()
+    found = identify(recorded, "ee")
     assert found["coulomb"].iloc[1] == pytest.approx(0.3, abs=0.15)  # of the preset
 
 
@@ -96,17 +107,22 @@ def test_a_bag_without_velocities_shows_friction_too(tmp_path: Path) -> None:
     ],
 )  # fmt: skip
 def test_slip_of_a_bag_against_its_wrench(signs: tuple[float, float, float], words: str) -> None:
-    slip = read_slip(BAG)
-    assert slip is not None
-    times, h, stamps, twists = slip
-    said = slip_mistake(times, h, stamps, twists * (signs[0], signs[1], 1.0, 1.0, 1.0, signs[2]))
+    said = slip_mistake(with_slip(lambda slip: slip.rows * (signs[0], signs[1], 1.0, 1.0, 1.0, signs[2])))
     assert bool(said) == bool(words)
     assert words in said
 
 
 def test_held_values_of_a_bag() -> None:
-    slip = read_slip(BAG)
-    assert slip is not None
-    times, h, stamps, twists = slip
-    held = twists[np.searchsorted(stamps, stamps[0] + np.floor((stamps - stamps[0]) * 30.0) / 30.0)]
-    assert "values change at 30 Hz" in slip_mistake(times, h, stamps, held)
+    def held(slip: Channel) -> Array:
+        since = slip.times - slip.times[0]
+        return slip.rows[np.searchsorted(since, np.floor(since * 30.0) / 30.0)]
+
+    assert "values change at 30 Hz" in slip_mistake(with_slip(held))
+
+
+def test_joint_states_of_varying_length_and_a_description_at_the_root(tmp_path: Path) -> None:
+    topics = {"/robot/joint_states": "sensor_msgs/msg/JointState", "/robot_description": "std_msgs/msg/String"}
+    made = make_bag(tmp_path / "bag", topics=topics)
+    assert urdf_of(Bag(tmp_path / "bag"), "robot") == made["/robot_description"][0][-1].data
+    with pytest.raises(InputError, match="topic /robot/joint_states: got position of varying length"):
+        read_motion(tmp_path / "bag")

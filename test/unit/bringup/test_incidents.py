@@ -7,16 +7,15 @@ from typing import Any
 
 import pytest
 
-from slip_core.incidents import Incident
+from slip_core.types import Incident
 from slip_vic.run.in_process import run_in_process
-from slip_vic.scenarios.scenario import Law, load_scenario
-from slip_vic_controller.safety.conditions import Reason
-from slip_vic_controller.safety.modes import Mode
-from slip_vic_controller.session.incidents import UNREACHABLE_S, IncidentWatch
+from slip_vic.scenarios.scenario import Law, load
+from slip_vic_controller.safety.conditions import Mode, Reason
+from slip_vic_controller.session.cycle_result import UNREACHABLE_S, IncidentWatch
 
 
 def told(name: str, *assignments: str, kind: Law = "classical") -> list[Incident]:
-    scenario = load_scenario(name, law=kind, assignments=assignments)
+    scenario = load(name, law=kind, set=assignments)
     return [incident for tick in run_in_process(scenario) for incident in tick.incidents]
 
 

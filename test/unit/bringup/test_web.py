@@ -7,6 +7,7 @@ import math
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -18,10 +19,9 @@ from slip_core.errors import InputError
 from slip_core.types import AXES
 from slip_description import urdf_text
 from slip_vic.page import require_page, scripts
-from slip_vic.page.packing import ARRAY, Packer, compressed
+from slip_vic.page.packing import ARRAY, Packer
 from slip_vic.page.page import summaries, write_page
-from slip_vic.page.plots import plot_series
-from slip_vic.page.runs import grid, on_grid, series_of
+from slip_vic.page.runs import grid, on_grid, plot_series, series_of
 from slip_vic.page.urdf import links_of
 from slip_vic.run.data import ArmData, Channel, read_data
 from slip_vic.run.metrics import arrival_s, load_ratio, off_goal, summarise
@@ -47,7 +47,7 @@ def unpack(block: bytes) -> Any:
 def test_a_block_gives_back_what_was_packed() -> None:
     packer = Packer()
     header = {"a": packer.add(np.eye(3)), "n": [1, packer.add(np.arange(5))], "x": packer.add(np.array([np.nan]))}
-    back = unpack(gzip.decompress(base64.b64decode(compressed(packer.pack(header)))))
+    back = unpack(packer.pack(header))
     np.testing.assert_array_equal(back["a"], np.eye(3).ravel())
     assert back["n"][1].tolist() == [0, 1, 2, 3, 4]
     assert np.isnan(back["x"][0])
@@ -69,7 +69,8 @@ def test_a_missing_extra_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_wheel_without_the_script_is_one_line(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(scripts, "_VIEWER", ("trimesh", tmp_path / "viewer.zip", "viewer.html.template"))
+    spec = SimpleNamespace(origin=str(tmp_path / "__init__.py"))
+    monkeypatch.setattr("importlib.util.find_spec", lambda _: spec)
     with pytest.raises(InputError, match=r"script in package trimesh.*requirements\.lock"):
         scripts.three()
 

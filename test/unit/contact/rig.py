@@ -9,13 +9,13 @@ from slip_core.compiled import BOOL, IN1, IN2, INT, OUT1, OUT2, VOID, kernel
 from slip_core.params import build
 from slip_core.records import new, record, records
 from slip_vic_controller.config.observer import TUNING, Tuning, capacity, observer_config
-from slip_vic_controller.contact.layouts import MOTION, OBSERVER, OBSERVER_CONFIG, ROW_SIZE
-from slip_vic_controller.contact.observer import observe, reset
+from slip_vic_controller.contact.observer import MOTION, OBSERVER, OBSERVER_CONFIG, ROW_SIZE, observe, reset
 from slip_vic_controller.law.contact import SLIP_SAMPLE
 from slip_vic_controller.params.controller_params import ControllerParams
 
 MS = 1_000_000
 PLANE = (True, True, False, False, False, True)
+SENSOR = {"slip_sensor__noise_linear": 2e-3, "slip_sensor__noise_angular": 0.05}
 
 
 def make_params(**values) -> ControllerParams:
@@ -83,9 +83,6 @@ class Observer:
         """Take in a tick and its samples, rows of SLIP_SAMPLE."""
         buffers = self.config_buffer, self.buffer, self.history, motion
         return observe_buffers(*buffers, stamp_ns, fresh, len(fresh))
-
-    def bits(self) -> bytes:
-        return self.buffer.tobytes() + self.history.tobytes()
 
     def copy(self) -> Observer:
         other = object.__new__(Observer)

@@ -7,23 +7,15 @@ import math
 import numpy as np
 import pytest
 
-from slip_core.records import new, record
-from slip_vic_controller.contact.axis import (
-    AXIS,
-    correct,
-    correct_within,
-    excess,
-    forget_errors,
-    predict,
-    put_velocity,
-)
+from slip_vic_controller.contact.axis import Axis, correct, correct_within, excess, forget_errors, predict, put_velocity
 from test.referees import kalman_referee as referee
+from test.support.call import blank
 
 REFEREE = 1e-9  # the same arithmetic in another order
 
 
 def axis(v=0.01, b=0.1, c=-0.05, P_vv=1e-4, P_vb=0.0, P_vc=0.0, P_bb=0.04, P_bc=0.0, P_cc=0.04):
-    x = record(new(AXIS), AXIS)
+    x = blank(Axis)
     x.v, x.b, x.c, x.P_vv, x.P_vb, x.P_vc, x.P_bb, x.P_bc, x.P_cc = v, b, c, P_vv, P_vb, P_vc, P_bb, P_bc, P_cc
     return x
 

@@ -4,30 +4,27 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from slip_core.records import new, record
 from slip_vic_controller.contact.belief import (
-    BELIEF,
     BELIEF_TUNING,
-    RATIOS,
+    RATIO,
+    Belief,
     certain_share,
     keep_past,
-    ratio,
     see_load,
     see_slip,
     sliding,
     start_belief,
 )
-from test.support.call import call
+from test.support.call import blank, call
 
 F, DT, MS = 1.0, 1e-3, 1_000_000
 CELL = np.expm1(BELIEF_TUNING.step)
-RATIO = np.array([ratio(i) for i in range(RATIOS)])
 K = np.exp(-BELIEF_TUNING.slides_cells * BELIEF_TUNING.step)
 
 
 def belief(load=0.3):
     """Return a belief at rest with a load [N]; friction is configured as 1 N."""
-    state = record(new(BELIEF), BELIEF)
+    state = blank(Belief)
     call(start_belief, state, load, F)
     return state
 

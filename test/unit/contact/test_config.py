@@ -10,8 +10,7 @@ from scipy.stats import chi2
 
 from slip_core.records import new, record
 from slip_vic_controller.config.observer import observer_config
-from slip_vic_controller.contact.layouts import OBSERVER, OBSERVER_CONFIG, ROW
-from slip_vic_controller.contact.observer import is_confirmed
+from slip_vic_controller.contact.observer import OBSERVER, OBSERVER_CONFIG, ROW, is_confirmed
 from test.unit.contact.rig import given, make_params
 
 

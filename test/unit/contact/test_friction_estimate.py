@@ -1,37 +1,41 @@
-"""The friction limit: learnt from slip samples, certain from what was carried."""
+"""The friction limit: learnt from slip samples, certain from what was carried, of several pads the weakest."""
 
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from slip_core.records import new, record
 from slip_core.vectors import ZERO, Spatial, Vec
-from slip_vic_controller.contact.estimate import CONTACT_ESTIMATE
+from slip_vic_controller.contact.estimate import ContactEstimate
 from slip_vic_controller.contact.friction_estimate import (
-    FRICTION_CONFIG,
-    FRICTION_EVIDENCE,
     GIVES_M,
+    KEPT,
     OBSERVED,
     PLAUSIBLE,
+    QUIET_NS,
     Friction,
+    FrictionConfig,
+    FrictionEvidence,
     certify,
     put_certain,
     remember,
+    share_friction,
     slip_sample,
     start_friction,
     suspect,
+    take_weaker,
 )
+from test.support.call import blank
 
-CONFIGURED, KEPT, THRESHOLD, DELAY_NS = 1.0, 0.95, 0.02, 100_000_000
+CONFIGURED, THRESHOLD, DELAY_NS = 1.0, 0.02, 100_000_000
 MS = 1_000_000
 
 
 def estimate(friction: Friction = Friction.LEARNT, **values: float) -> SimpleNamespace:
     """Return config, estimate and evidence of a contact at rest that is configured to carry 1 N."""
-    config, state, history = (record(new(t), t) for t in (FRICTION_CONFIG, CONTACT_ESTIMATE, FRICTION_EVIDENCE))
-    config.friction, config.configured, config.kept, config.least, config.probe = friction, CONFIGURED, KEPT, 0.01, 0.02
-    config.threshold, config.quiet_ns, config.sensor_delay_ns, config.trust = THRESHOLD, 50 * MS, DELAY_NS, 0.7
+    config, state, history = map(blank, (FrictionConfig, ContactEstimate, FrictionEvidence))
+    config.friction, config.configured, config.least, config.probe = friction, CONFIGURED, 0.01, 0.02
+    config.threshold, config.sensor_delay_ns = THRESHOLD, DELAY_NS
     for name, value in values.items():
         config[name] = value
     start_friction(config, state, history, 0.1, 0.0)
@@ -131,7 +135,7 @@ def test_only_the_onset_teaches(friction: Friction, limit: float) -> None:
 ])  # fmt: skip
 def test_slip_takes_several_samples(confirmed: int, speeds: tuple[float, ...], found: bool, first: int | None) -> None:
     """Three in a row, or as many as `confirmed` while the observer finds slip; the load of the first one counts."""
-    e = estimate(witnesses=3, confirmed=confirmed)
+    e = estimate(slip_count=3, confirmed=confirmed)
     for ms in range(200):
         carry(e, ms, 0.5 + 0.001 * ms)
     for k, speed in enumerate(speeds):
@@ -143,7 +147,7 @@ def test_slip_takes_several_samples(confirmed: int, speeds: tuple[float, ...], f
 @pytest.mark.parametrize(("speed", "lasts"), [(2.0, True), (30.0, False)])
 def test_slip_ends_when_quiet(speed: float, lasts: bool) -> None:
     """A single sample keeps it up, but no outlier: 30 thresholds are more than a slip gains within 19 ms."""
-    e = estimate(witnesses=3)
+    e = estimate(slip_count=3)
     carry(e, 0, 0.5)
     for stamp_ms, now, slips in (
         (10, 2.0, False), (15, 2.0, False), (20, 2.0, True), (21, 0.0, True), (39, 0.0, True), (40, speed, True),
@@ -155,7 +159,7 @@ def test_slip_ends_when_quiet(speed: float, lasts: bool) -> None:
 
 @pytest.mark.parametrize(("gap_ms", "slips"), [(1, False), (20, True)])
 def test_impossible_speed_is_an_outlier(gap_ms: int, slips: bool) -> None:
-    e = estimate(witnesses=3, confirmed=2)
+    e = estimate(slip_count=3, confirmed=2)
     carry(e, 0, 0.5)
     sample(e, 0, 0.0)
     for k in range(2):
@@ -168,7 +172,7 @@ def test_impossible_speed_is_an_outlier(gap_ms: int, slips: bool) -> None:
     (2e-3, -1.0, 2000, False),
 ])  # fmt: skip
 def test_pre_sliding_is_no_slip(speed: float, back: float, ticks: int, slips: bool) -> None:
-    e = estimate(threshold=5e-5, witnesses=1, pre_sliding=1e-5)
+    e = estimate(threshold=5e-5, slip_count=1, pre_sliding=1e-5)
     for ms in range(ticks):
         carry(e, ms, 0.5)
         sample(e, ms, speed * (back if ms // 4 % 2 else 1.0))
@@ -237,3 +241,26 @@ def test_carried_load_counts_after_the_delay() -> None:
     state.slipping, state.carried = 1, 0.0
     certify(config, state, history, 60 * MS)
     assert state.carried == 0.0
+
+
+# -- several pads
+
+
+@pytest.mark.parametrize(("friction", "F_lo"), [(Friction.KNOWN, 0.8), (Friction.LEARNT, 0.8), (Friction.UNKNOWN, 0.3)])
+def test_certain_load(friction: Friction, F_lo: float) -> None:
+    e = estimate(friction)
+    e.state.F_median, e.state.carried = 0.8, 0.3
+    put_certain(e.config, e.state)
+    assert e.state.F_lo == F_lo
+
+
+def test_all_pads_have_the_weakest_friction() -> None:
+    config, a, b, both = estimate(sensor_delay_ns=10).config, estimate().state, estimate().state, estimate().state
+    for pad in (a, both):
+        pad.F_lo, pad.F_median, pad.carried, pad.first = 1.0, 1.0, 0.5, 1.0
+    b.F_lo, b.F_median, b.slipped_at, b.carried, b.first, b.slipping, b.slip_ns = 0.66, 0.7, 0.74, 0.6, 1.0, 1, 100
+    take_weaker(both, b)
+    share_friction(config, a, both, 109 + QUIET_NS)
+    assert (a.F_lo, a.F_median, a.slipped_at, a.carried, a.slipping) == (0.66, 0.7, 0.74, 0.5, 1)
+    share_friction(config, both, both, 110 + QUIET_NS)
+    assert both.slipping == 0

@@ -39,7 +39,6 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     ({"slip_sensor.noise_linear": 0.5}, ["slip_sensor.noise_linear", "0.1"]),
     ({"object.inertia": (1.0, 1.0, 3.0, 0.0, 0.0, 0.0)}, ["object.inertia", "principal moments"]),
     ({"object.inertia": (1.0, 1.0, 1.0)}, ["object.inertia"]),
-    ({"nullspace.posture": (0.0,) * 6}, ["nullspace.posture", "7"]),
     ({"trajectory.kind": "spiral"}, ["trajectory.kind"]),
     ({"trajectory.kind": "waypoints"}, ["trajectory", "waypoints"]),
     ({"trajectory.kind": "waypoints", "trajectory.waypoints": (0.0,) * 7}, ["waypoints has 7 values"]),

@@ -10,49 +10,41 @@ import pytest
 
 from slip_core.errors import InputError
 from slip_core.params import build
-from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_vic_controller.params.controller_params import ControllerParams
-from slip_vic_controller.safety.modes import Mode, Request
+from slip_vic_controller.safety.conditions import Mode, Request
 from slip_vic_controller.session.cycle_result import CycleResult
-from test.support.one_arm import OneArm, one_arm
-from test.support.small_arm import HOME, small_arm_urdf
+from test.support.made_up import MadeUp
 
-MS = 1_000_000
 REST = np.zeros(7)
-LET_BE = {"safety.load.drop_speed": 10.0, "safety.inputs.frozen_s": 5.0}
+LET_BE = {"safety__load__drop_speed": 10.0, "safety__inputs__frozen_s": 5.0}
 """An arm that stands still whatever its effort, with a wrench to match, would be taken for what it is."""
-STIFF = {"gains.stiffness": (20.0,) * 6, "gains.damping": (5.0,) * 6}
+STIFF = {"gains__stiffness": (20.0,) * 6, "gains__damping": (5.0,) * 6}
 WEIGHT = np.array([0.0, 0.0, -4.9, 0.0, 0.0, 0.0])
 
 
 def params(**values: Any) -> ControllerParams:
-    return build(ControllerParams, LET_BE | {name.replace("__", "."): value for name, value in values.items()}, "test")
+    given = {name.replace("__", "."): value for name, value in (LET_BE | values).items()}
+    return build(ControllerParams, given, "test")
 
 
-def new_session(**values: Any) -> OneArm:
-    return OneArm(one_arm(params(**values), small_arm_urdf(), lockstep=False))
+def new_session(**values: Any) -> MadeUp:
+    return MadeUp(**LET_BE, **values)
 
 
-def step(session: OneArm, k: int, slip_age: int = 0) -> CycleResult:
-    """Answer a joint state at rest, k ms after the beginning."""
-    stamp_ns = (1000 + k) * MS
-    session.add_wrench(0, WrenchSample(stamp_ns, WEIGHT + 1e-6 * k), stamp_ns)
-    session.add_slip(0, SlipSample(stamp_ns - slip_age * MS, np.zeros(6)), stamp_ns)
-    session.add_joint(JointSample(stamp_ns, np.array(HOME), REST, REST), stamp_ns)
-    result = session.cycle(stamp_ns)
-    assert result is not None
-    return result
+def step(made_up: MadeUp) -> CycleResult:
+    """Answer a joint state at rest, a millisecond later."""
+    return made_up.cycle(made_up.joint(velocity=REST), WEIGHT, np.zeros(6))
 
 
 def test_a_change_reaches_the_law_without_a_kick() -> None:
-    session = new_session()
-    step(session, 0)
-    session.state.law.start_position[0] += 0.02  # the arm is 20 mm off its goal
+    made_up = new_session()
+    step(made_up)
+    made_up.state.law.start_position[0] += 0.02  # the arm is 20 mm off its goal
     efforts, stiffness = [], []
     for k in range(1, 1200):
         if k == 50:
-            session.retune(params(**STIFF))
-        result = step(session, k)
+            made_up.session.retune(params(**STIFF))
+        result = step(made_up)
         efforts.append(result.command.numbers)
         stiffness.append(float(result.record.gains.gains.K_D[0]))
     whole = np.abs(efforts[-1] - efforts[20]).max()
@@ -62,31 +54,31 @@ def test_a_change_reaches_the_law_without_a_kick() -> None:
 
 
 def test_a_refused_change_leaves_everything_as_it_was() -> None:
-    session = new_session()
-    for k in range(5):
-        step(session, k)
-    before = session.buffer.tobytes()
+    made_up = new_session()
+    for _ in range(5):
+        step(made_up)
+    before = made_up.session.buffer.tobytes()
     with pytest.raises(InputError, match="k_s"):
-        session.retune(params(gains__k_s=0.5, **STIFF))
+        made_up.session.retune(params(gains__k_s=0.5, **STIFF))
     with pytest.raises(InputError, match="restart the node"):
-        session.retune(params(nullspace__stiffness=3.0))
-    assert session.buffer.tobytes() == before
+        made_up.session.retune(params(nullspace__stiffness=3.0))
+    assert made_up.session.buffer.tobytes() == before
 
 
 def test_gains_that_were_changed_before_the_law_begins_are_ramped_to() -> None:
-    session = new_session()
-    session.retune(params(**STIFF))
-    stiffness = [float(step(session, k).record.gains.gains.K_D[0]) for k in range(1000)]
+    made_up = new_session()
+    made_up.session.retune(params(**STIFF))
+    stiffness = [float(step(made_up).record.gains.gains.K_D[0]) for k in range(1000)]
     assert stiffness[0] == 5.0
     assert stiffness[-1] == 20.0
     assert all(b >= a for a, b in itertools.pairwise(stiffness))
 
 
 def test_a_contact_moves_no_faster_than_the_pad_may() -> None:
-    session = new_session()
-    step(session, 0)
-    session.retune(params(contacts__position=(0.92, 0.0, 0.0)))
-    first, *rest = (step(session, k).record.gains.contact_position[0] for k in range(1, 500))
+    made_up = new_session()
+    step(made_up)
+    made_up.session.retune(params(contacts__position=(0.92, 0.0, 0.0)))
+    first, *rest = (step(made_up).record.gains.contact_position[0] for k in range(1, 500))
     speed = np.diff([first, *rest]).max() / 1e-3
     assert rest[-1] == pytest.approx(0.92)
     assert speed == pytest.approx(params().safety.limits.speed_linear, rel=1e-6)
@@ -99,14 +91,14 @@ def test_hold_uses_mass_inertia_and_contact_position_of_a_live_change() -> None:
         "contacts__position": (0.03, -0.02, 0.01), "safety__hold_stiffness": 100.0,
     }  # fmt: skip
     changed, started, kept = new_session(), new_session(**new), new_session()
-    for session in (changed, started, kept):
-        step(session, 0)
-        session.request(Request.HOLD)
+    for made_up in (changed, started, kept):
+        step(made_up)
+        made_up.session.request(Request.HOLD)
     efforts = []
     for k in range(1, 2600):
         if k == 1200:
-            changed.retune(params(**new))
-        efforts = [step(session, k).command.numbers for session in (changed, started, kept)]
-    assert all(session.mode == Mode.HOLD for session in (changed, started, kept))
+            changed.session.retune(params(**new))
+        efforts = [step(made_up).command.numbers for made_up in (changed, started, kept)]
+    assert all(made_up.session.mode == Mode.HOLD for made_up in (changed, started, kept))
     assert np.abs(efforts[2] - efforts[1]).max() > 0.1, "the change matters"
     np.testing.assert_allclose(efforts[0], efforts[1], atol=1e-9)

@@ -12,7 +12,7 @@ from slip_core.files.urdf import named, parse_urdf
 from slip_core.files.urdf_file import read_urdf
 from slip_description import urdf_text
 from slip_vic.cli import main
-from slip_vic.scenarios.scenario import load_scenario
+from slip_vic.scenarios.scenario import load
 
 xacro = pytest.importorskip("xacro")  # in requirements.lock
 
@@ -116,12 +116,12 @@ def test_a_package_is_a_name_and_a_folder(tmp_path: Path) -> None:
 def test_commands_take_xacro(
     file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """An arm in xacro is read by `arm` and by `--urdf`; too few joints are found in the expanded one."""
+    """An arm in xacro is read by `arm` and by `--set`; too few joints are found in the expanded one."""
     command = ["slip-vic", "arm", str(file), "--package", f"made_parts={tmp_path / 'parts'}"]
     monkeypatch.setattr("sys.argv", command)
     assert main() == 2
     assert "joint1, joint2" in capsys.readouterr().err
     whole = tmp_path / "arm.xacro"
     whole.write_text(f'{HEAD}<xacro:include filename="$(find slip_description)/urdf/arm.urdf"/></robot>')
-    made = load_scenario("paper_planar", urdf=whole)
+    made = load("paper_planar", law="vic", set={"robot_description_file": str(whole)})
     assert set(named(parse_urdf(made.urdf), "joint")) == set(named(parse_urdf(urdf_text()), "joint"))

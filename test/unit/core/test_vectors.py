@@ -6,10 +6,23 @@ import sys
 from typing import Annotated
 
 import numpy as np
+import pytest
 
 from slip_core.compiled import IN1, OUT1, VOID, kernel, part
 from slip_core.records import Mat3, Real, Record, Records, Vec3, Vec6, Whole, dtype_of, new, record
-from slip_core.vectors import IDENTITY, Vec, mat, put, put_mat, put_spatial, spatial, vec
+from slip_core.vectors import (
+    IDENTITY,
+    Sym,
+    Vec,
+    largest_eigenvalue,
+    mat,
+    put,
+    put_mat,
+    put_spatial,
+    spatial,
+    vec,
+    with_diagonal,
+)
 
 SEED = 3
 
@@ -49,7 +62,7 @@ def every_operator(inputs, outputs):
         s = 2.0 * (mat(contact.rotation) @ (s + s)) - s * s / (s + s)
         put_spatial(out.contacts[i].axes, -s)
         put(out.contacts[i].position, total.cross(a) * a)
-        put_mat(out.contacts[i].rotation, mat(contact.rotation) @ (IDENTITY + 3.0 * IDENTITY))
+        put_mat(out.contacts[i].rotation, mat(contact.rotation) @ IDENTITY)
         out.contacts[i].count += i
         out.K_D[i] = s.dot(s)
     out.K_D[3:] = given.K_D[3:]
@@ -88,8 +101,30 @@ def test_operators_are_those_of_numpy() -> None:
         k = rng.normal()
         for ours, theirs in (
             (u + v, a + b), (u - v, a - b), (-u, -a), (k * u, k * a), (u.cross(v), np.cross(a, b)),
-            (M @ u, A @ a), (M.T() @ u, A.T @ a), (M @ N, A @ B), (M + N, A + B),
+            (M @ u, A @ a), (M.T() @ u, A.T @ a), (M @ N, A @ B),
             (u * v, a * b), (u / v, a / b),
         ):  # fmt: skip
             np.testing.assert_allclose(np.array(ours), theirs, rtol=1e-15, atol=1e-14)
         np.testing.assert_allclose((u.dot(v), u.norm()), (a @ b, np.linalg.norm(a)), rtol=1e-15, atol=1e-14)
+
+
+@part
+def both(A, b):
+    return A @ b, A.solve(b), 2.0 * A
+
+
+def test_product_solution_and_largest_eigenvalue():
+    rng = np.random.default_rng(0)
+    for _ in range(1000):
+        B = rng.normal(size=(3, 3)) * 10.0 ** rng.uniform(-2, 2, size=3)[:, None]
+        A = B @ B.T + 1e-3 * np.eye(3)
+        b = rng.normal(size=3)
+        sym, right = Sym(*A[np.triu_indices(3)].tolist()), Vec(*b.tolist())
+        largest = np.linalg.eigvalsh(A)[-1]
+        assert largest_eigenvalue(sym) == pytest.approx(largest, rel=1e-12)
+        product, solution, twice = both(sym, right)
+        assert (product, solution, twice) == (sym @ right, sym.solve(right), 2.0 * sym)
+        np.testing.assert_allclose(product, A @ b, rtol=1e-12, atol=1e-12 * largest)
+        assert np.abs(A @ np.array(solution) - b).max() <= 100 * np.finfo(float).eps * np.linalg.cond(A)
+        np.testing.assert_allclose(with_diagonal(0.5, sym), (A + 0.5 * np.eye(3))[np.triu_indices(3)], rtol=1e-15)
+    assert largest_eigenvalue(Sym(2.0, 0.0, 0.0, 2.0, 0.0, 2.0)) == 2.0

@@ -8,7 +8,7 @@ from slip_vic.experiments.draw import BANDWIDTH, KINDS, SPREAD, carries_weight, 
 from slip_vic.experiments.run import run
 from slip_vic.experiments.runner import under_laws
 from slip_vic.experiments.world import World
-from slip_vic.scenarios.scenario import load_scenario
+from slip_vic.scenarios.scenario import load
 
 PAIR = ("pane_two_arms_upright", "pane_two_arms_flat")
 
@@ -30,7 +30,7 @@ def test_worlds_cover_every_scenario_motion_and_error(worlds: list[World]) -> No
     assert {world.scenario for world in worlds} == {"paper_planar", "vertical_plane", "glass_transport"}
     assert {world.motion for world in worlds} == set(KINDS)
     for world in worlds:
-        known, drawn = load_scenario(world.scenario).bridge, world.load("governed").bridge
+        known, drawn = load(world.scenario, law="vic").bridge, world.load("governed").bridge
         assert abs(drawn.object.mass / known.object.mass - 1.0) <= SPREAD
         assert abs(drawn.friction.mu_s / known.friction.mu_s - 1.0) <= SPREAD
         assert carries_weight(drawn)

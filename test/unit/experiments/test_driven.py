@@ -14,11 +14,9 @@ from slip_core.records import record
 from slip_vic.experiments.driven import driven
 from slip_vic.experiments.law import find_law
 from slip_vic.scenarios.scenario import Scenario
+from slip_vic_controller.config.controller import ArmController
 from slip_vic_controller.robot import Robot
-from slip_vic_controller.session.controller import ArmController
 from slip_vic_controller.state import CONFIG
-
-GAINS_OF_FOUR = {"stiffness": 4.0, "damping": 2.0}
 
 
 def scenario(law: str = "vic", ticks: int = 60, **more: Any) -> Scenario:
@@ -46,17 +44,6 @@ def test_two_arms_give_the_same_bits_too() -> None:
     direct = [[effort.tobytes() for effort in tick.efforts] for tick in loaded.ticks()]
     through = [[effort.tobytes() for effort in tick.efforts] for tick in driven(loaded, find_law("vic").kind())]
     assert through == direct
-
-
-def test_a_factor_of_the_stiffness_is_that_of_the_configuration_with_the_damping_ratio_kept() -> None:
-    loaded = scenario("classical", 60, seed=3)
-    own = loaded.controllers[""].gains
-    gains = [f"{name}={[round(f * v, 12) for v in getattr(own, name)]}" for name, f in GAINS_OF_FOUR.items()]
-    stiffer = scenario("classical", 60, seed=3, set=[f"controller.gains.{one}" for one in gains])
-    law = find_law("classical?stiffness=4").kind()
-    through = [tick.effort.tobytes() for tick in driven(loaded, law)]
-    assert through == [tick.effort.tobytes() for tick in driven(stiffer, find_law("classical").kind())]
-    assert through != [tick.effort.tobytes() for tick in driven(loaded, find_law("classical").kind())]
 
 
 def test_a_law_sees_nothing_of_the_simulated_world() -> None:
@@ -187,8 +174,7 @@ def test_laws_are_found_by_file_and_by_module(tmp_path: Path) -> None:
     file.write_text(
         "class Mine:\n    needs = frozenset()\n    def reset(self, setup): ...\n    def step(self, s): ...\n"
     )
-    found = find_law(f"{file}:Mine")
-    assert found.label == "Mine"
+    assert find_law(f"{file}:Mine").kind.__name__ == "Mine"
     assert find_law("slip_vic.experiments.ours:Vic").kind is find_law("vic").kind
 
 

@@ -91,7 +91,7 @@ def filled(folder: Path, seeds: range, value: float = 1.0, made: dict[str, str] 
     [
         (["study", "--sensor", "vision_26"], "vision_25"),
         (["study", "--mismatch", "mass"], "mass+"),
-        (["study", "--lottery", "1", "--sensor", "ideal"], "takes no --sensor"),
+        (["study", "--lottery", "1", "--sensor", "ideal", "--mismatch", "none"], "takes no --sensor, --mismatch"),
         (["tune", "--mismatch", "mass"], "mass+"),
     ],
 )

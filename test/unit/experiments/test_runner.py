@@ -49,7 +49,7 @@ def test_progress_without_a_terminal_is_lines() -> None:
             now[0] += 0.5
             report(done, "1 workers died" if done > 90 else "")
     assert written.getvalue().splitlines() == [
-        "study: 61 of 100 done, 20 s left",
-        "study: 81 of 100 done, 10 s left",
+        "study: 60 of 100 done, 20 s left",
+        "study: 80 of 100 done, 10 s left",
         "study: 100 of 100 done, 1 workers died",
     ]

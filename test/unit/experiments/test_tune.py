@@ -15,7 +15,7 @@ from optuna.distributions import FloatDistribution
 
 from slip_vic.experiments.tune import Values, cost, search, search_space, tried, worst_mm
 
-WORLDS = tuple(combined(("paper_planar",), ("vision_25",), ("none", "mass+"), range(2), {"": ()}))
+WORLDS = tuple(combined(("paper_planar",), ("vision_25",), ("none", "mass+"), range(2)))
 SPACE = {"gains.k_s": FloatDistribution(50.0, 1000.0, log=True), "governor.margin": FloatDistribution(0.7, 1.0)}
 DEFAULTS = {"gains.k_s": 1000.0, "governor.margin": 0.95}
 

@@ -18,7 +18,6 @@ from slip_sim_bridge.friction.params import FrictionParams
 from test.unit.bridge.contact import coulomb, stribeck
 
 ROUNDING = 1e-9  # relative; conditioning of the drawn A up to 1e4 times double rounding, with room
-REFEREE = 1e-9  # relative; the referee's root is bracketed to 1e-14
 EXAMPLES = settings(max_examples=150, deadline=None, derandomize=True)
 
 
@@ -58,23 +57,18 @@ def solved(law, v_free, A, normal_force, rho):
 
 @EXAMPLES
 @given(laws(), velocities, compliances(), loads, radii)
-def test_the_force_explains_the_velocity(law, v_free, A, normal_force, rho):
+def test_the_force_explains_the_velocity_and_is_the_largest_against_it(law, v_free, A, normal_force, rho):
+    """In stick inside the limit surface; in slip on it, where no force takes more power: f_hat = -F u / |u|."""
     out = solved(law, v_free, A, normal_force, rho)
     gap = scaled(out.velocity - (v_free + A @ out.force), rho)
     assert np.abs(gap).max() <= ROUNDING * max(np.linalg.norm(scaled(v_free, rho)), 1e-12)
-
-
-@EXAMPLES
-@given(laws(), velocities, compliances(), loads, radii)
-def test_the_force_is_on_the_limit_surface_in_slip_and_inside_in_stick(law, v_free, A, normal_force, rho):
-    out = solved(law, v_free, A, normal_force, rho)
-    size = np.linalg.norm(out.force / np.array([1.0, 1.0, rho]))
-    limit, _ = law.limit(float(np.linalg.norm(scaled(out.velocity, rho))), normal_force)
+    u, f_hat = scaled(out.velocity, rho), out.force / np.array([1.0, 1.0, rho])
+    limit, _ = law.limit(float(np.linalg.norm(u)), normal_force)
     if out.stick:
-        assert size <= limit * (1.0 + ROUNDING)
+        assert np.linalg.norm(f_hat) <= limit * (1.0 + ROUNDING)
         assert (out.velocity == 0.0).all(), "stick is exact"
     else:
-        assert size == pytest.approx(limit, rel=ROUNDING)
+        np.testing.assert_allclose(f_hat, -limit * u / np.linalg.norm(u), rtol=0.0, atol=ROUNDING * limit)
 
 
 @EXAMPLES
@@ -84,19 +78,6 @@ def test_stick_exactly_where_the_static_limit_holds_the_load(law, v_free, A, nor
     ratio = holding / law.limit(0.0, normal_force)[0]
     if abs(ratio - 1.0) > ROUNDING:
         assert solved(law, v_free, A, normal_force, rho).stick == (ratio < 1.0)
-
-
-@EXAMPLES
-@given(laws(), velocities, compliances(), loads, radii, st.integers(0, 2**32 - 1))
-def test_no_admissible_force_dissipates_more(law, v_free, A, normal_force, rho, seed):
-    out = solved(law, v_free, A, normal_force, rho)
-    speed = float(np.linalg.norm(scaled(out.velocity, rho)))
-    limit, _ = law.limit(speed, normal_force)
-    power = float(out.force @ out.velocity)
-    assert power == pytest.approx(-limit * speed, rel=ROUNDING, abs=1e-15)
-    directions = np.random.default_rng(seed).normal(size=(200, 3))
-    others = limit * directions / np.linalg.norm(directions, axis=1)[:, None] * np.array([1.0, 1.0, rho])
-    assert (others @ out.velocity).min() >= power - ROUNDING * (1.0 + abs(power))
 
 
 def slow_roots(law, v_free, A, normal_force, rho, count=4000):
@@ -113,26 +94,6 @@ def slow_roots(law, v_free, A, normal_force, rho, count=4000):
     values = [residual(s) for s in grid]
     pairs = zip(itertools.pairwise(grid), itertools.pairwise(values), strict=True)
     return [brentq(residual, a, b, xtol=1e-16, rtol=1e-14) for (a, b), (ra, rb) in pairs if ra > 0.0 >= rb]
-
-
-def random_slip(seed):
-    """Twist, compliance, normal force and torsional radius of a contact that slips."""
-    rng = np.random.default_rng(seed)
-    x, y = rng.uniform(-0.05, 0.05, 2)
-    G = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-y, x, 1.0]])
-    A = 1e-3 * G.T @ np.diag([2.0, 2.0, 500.0]) @ G
-    return rng.normal(size=3) * np.array([0.3, 0.3, 3.0]), A, 10.0 ** rng.uniform(-1, 1), 0.03
-
-
-def test_against_a_slow_referee_that_finds_every_root():
-    law = stribeck(0.5, 0.4, 0.05, 0.05)
-    for seed in range(12):
-        v_free, A, normal_force, rho = random_slip(seed)
-        out = solved(law, v_free, A, normal_force, rho)
-        roots = slow_roots(law, v_free, A, normal_force, rho, count=400)
-        assert not out.stick
-        assert len(roots) == 1
-        assert np.linalg.norm(scaled(out.velocity, rho)) == pytest.approx(roots[0], rel=REFEREE)
 
 
 def test_sub_steps_restore_a_unique_root_where_a_whole_step_has_several():

@@ -6,12 +6,11 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from scipy.spatial.transform import Rotation
 
-from slip_core.records import new, record
 from slip_core.types import PoseGoal
 from slip_core.vectors import Spatial, mat, spatial, vec
-from slip_vic_controller.path.goals import GOAL, GoalPhase, begin_goal, goal_at, goal_progress, rest_at
+from slip_vic_controller.path.goals import Goal, GoalPhase, begin_goal, goal_at, goal_progress, rest_at
 from slip_vic_controller.path.paths import Reference
-from test.support.call import call
+from test.support.call import blank, call
 from test.support.made_up import MadeUp, law_at_work
 
 DURATION_S = 1.7
@@ -22,7 +21,7 @@ def test_goal_reached_from_any_motion() -> None:
     rng = np.random.default_rng(2)
     position, velocity, acceleration, way = rng.normal(size=(4, 6))
     rotation, turn = (Rotation.from_rotvec(each) for each in (position[3:], 0.5 * way[3:]))
-    goal = record(new(GOAL), GOAL)
+    goal = blank(Goal)
     goal.received, goal.pending, goal.duration = 3, 1, DURATION_S
     goal.to_position = position[:3] + way[:3]
     goal.to_rotation = (turn * rotation).as_matrix()
@@ -89,7 +88,7 @@ def test_governed_goal_progress() -> None:
 
 
 def test_resting_goal_keeps_pose() -> None:
-    goal, turned = record(new(GOAL), GOAL), Rotation.from_rotvec((0.1, -0.2, 0.3)).as_matrix()
+    goal, turned = blank(Goal), Rotation.from_rotvec((0.1, -0.2, 0.3)).as_matrix()
     goal.position[:] = 9.0
     moving = spatial(np.ones(6))
     rest_at(goal, Reference(vec((0.1, 0.2, 0.3)), mat(turned), moving, moving))

@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 
 from slip_core.params import build
-from slip_core.records import new, record
+from slip_core.records import dtype_of, new, record
 from slip_vic_controller.params.controller_params import TrajectoryParams
-from slip_vic_controller.path import path_scaling
-from slip_vic_controller.path.path_scaling import PATH_SCALING
+from slip_vic_controller.path import paths
 from slip_vic_controller.path.paths import PATH as PATH_LAYOUT
-from slip_vic_controller.path.paths import REFERENCE, make_path, put_reference, reference_at
+from slip_vic_controller.path.paths import REFERENCE, PathScaling, make_path, put_reference, reference_at
 from test.support.call import call
 from test.support.law_cases import reference_of
+
+PATH_SCALING = dtype_of(PathScaling)
 
 MS = 1_000_000
 START = (np.array([0.5, -0.2, 0.3]), np.eye(3))
@@ -31,14 +32,14 @@ def scaling(scale: float, rate: float = 0.0) -> np.ndarray:
 def run_scaling(buffer: np.ndarray, wanted: float, dt_ns: int, slow_down_s: float) -> int:
     """Return the time that the path loses in a cycle [ns]."""
     state = record(buffer, PATH_SCALING)
-    call(path_scaling.advance, state, wanted, 1e-9 * dt_ns, slow_down_s)
-    return call(path_scaling.lost_ns, state, dt_ns)
+    call(paths.advance, state, wanted, 1e-9 * dt_ns, slow_down_s)
+    return call(paths.lost_ns, state, dt_ns)
 
 
 def scaled(t: float, buffer: np.ndarray):
     out = record(new(REFERENCE), REFERENCE)
     planned = call(reference_at, record(PATH, PATH_LAYOUT), t, *START)
-    call(put_reference, out, call(path_scaling.scaled, planned, record(buffer, PATH_SCALING)))
+    call(put_reference, out, call(paths.scaled, planned, record(buffer, PATH_SCALING)))
     return out
 
 
@@ -73,7 +74,7 @@ def test_scale_changes_at_bounded_rate() -> None:
 
 
 def test_reference_waits_for_arm() -> None:
-    assert call(path_scaling.scale_for_error, 0.15, 0.0, 0.3, 6.0) == 1.0
-    assert call(path_scaling.scale_for_error, 0.0, 4.5, 0.3, 6.0) == pytest.approx(0.5)
-    assert call(path_scaling.scale_for_error, 0.3, 0.0, 0.3, 6.0) == 0.0
-    assert call(path_scaling.scale_for_error, 9.0, 9.0, 0.3, 6.0) == 0.0
+    assert call(paths.scale_for_error, 0.15, 0.0, 0.3, 6.0) == 1.0
+    assert call(paths.scale_for_error, 0.0, 4.5, 0.3, 6.0) == pytest.approx(0.5)
+    assert call(paths.scale_for_error, 0.3, 0.0, 0.3, 6.0) == 0.0
+    assert call(paths.scale_for_error, 9.0, 9.0, 0.3, 6.0) == 0.0

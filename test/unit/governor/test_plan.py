@@ -6,11 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from slip_core.records import new, record
-from slip_vic_controller.governor.plan import GRID_POINT, admissible, larger_root, most, path_time
+from slip_vic_controller.governor.layouts import PATH_MARGIN
+from slip_vic_controller.governor.plan import GridPoint, admissible, larger_root, most, path_time
 from test.referees.governor_bench import PAPER, PAPER_PLANAR, VERTICAL, Governing, Governor
 from test.referees.governor_paths import BentPath
-from test.support.call import call
+from test.support.call import blank, call
 
 SOLVER = 1e-3
 """Relative: what interior point solvers reach on 200 chained cones."""
@@ -83,7 +83,7 @@ def conic_bound(cp, G, first):
     """K of a point as its definition says: the largest x there from which the rest can be run."""
     p = G.points
     l_u, l_x, l_c = (v[first : LAST + 1] for v in vectors(G))
-    D, F = np.diff(p["s"][first : LAST + 1]), float(G.config.path_margin * G.state.plan_load)
+    D, F = np.diff(p["s"][first : LAST + 1]), float(PATH_MARGIN * G.state.plan_load)
     n, way, pace = len(l_u), D.mean(), p["K"][first:LAST].max()
     x, u = cp.Variable(n, nonneg=True), cp.Variable(n)  # x over pace, u over pace / way
     load = cp.multiply(l_u * pace / way / F, u[:, None]) + cp.multiply(l_x * pace / F, x[:, None]) + l_c / F
@@ -113,7 +113,7 @@ def test_bound_admissible_near_weight() -> None:
         l_u, l_x, l_c = (rng.normal(size=3) * 10.0 ** rng.uniform(-2.0, 2.0) for _ in range(3))
         F, way, after = 10.0 ** rng.uniform((-1.0, -4.0, -6.0), (1.0, 0.0, 2.0))
         l_c *= F * (1.0 - 10.0 ** rng.uniform(-14.0, -10.0)) / np.linalg.norm(l_c)
-        point = record(new(GRID_POINT), GRID_POINT)
+        point = blank(GridPoint)
         point.uu, point.ux, point.uc, point.xx, point.xc, point.cc = (
             l_u @ l_u, l_u @ l_x, l_u @ l_c, l_x @ l_x, l_x @ l_c, l_c @ l_c
         )  # fmt: skip
@@ -127,7 +127,7 @@ def a_point(rng):
     """A point of a path with some load, and l_u, l_x, l_c; the weight takes a part of F = 1 N."""
     l_u, l_x, l_c = (rng.normal(size=3) * 10.0 ** rng.uniform(-1.0, 1.0) for _ in range(3))
     l_c *= rng.uniform(0.1, 0.95) / np.linalg.norm(l_c)
-    point = record(new(GRID_POINT), GRID_POINT)
+    point = blank(GridPoint)
     point.uu, point.ux, point.uc, point.xx, point.xc, point.cc = (
         l_u @ l_u, l_u @ l_x, l_u @ l_c, l_x @ l_x, l_x @ l_c, l_c @ l_c
     )  # fmt: skip

@@ -13,21 +13,22 @@ from slip_core.vectors import NOTHING, mat, spatial, vec
 from slip_vic.replay.run_data import read_run
 from slip_vic.replay.verify import verify_run
 from slip_vic.run.in_process import ClosedLoop
-from slip_vic.scenarios.scenario import load_scenario
-from slip_vic_controller.governor.layouts import GOVERNOR
+from slip_vic.scenarios.scenario import load
+from slip_vic_controller.governor.layouts import Governor
 from slip_vic_controller.governor.load import ALONE, Held
 from slip_vic_controller.path.paths import REFERENCE, Reference, put_reference
 from slip_vic_controller.path.stream import (
-    STREAM,
+    Stream,
     at,
     drop_passed,
     plan_stream,
     stream_bound,
     take_queued,
 )
-from slip_vic_controller.safety.modes import Mode
+from slip_vic_controller.safety.conditions import Mode
 from slip_vic_controller.sizes import NEVER, ROOM
 from test.referees.governor_paths import BentPath
+from test.support.call import blank
 from test.support.run_maker import goal_message, record_run
 
 FIRST = 10
@@ -41,16 +42,16 @@ TOPIC = "controller.trajectory.kind=topic"
 
 def test_fast_stream_is_slowed() -> None:
     """The path of paper_planar, streamed at 100 Hz; not governed, the object slips 40 mm on it."""
-    loop = ClosedLoop(load_scenario("paper_planar", law="governed", assignments=(TOPIC, "bridge.duration_s=3.0")))
+    loop = ClosedLoop(load("paper_planar", law="governed", set=(TOPIC, "bridge.duration_s=3.0")))
     path = BentPath([0.4, 0.3, 0.0, 0.0, 0.0, 0.8], 2.0)
-    start, poses, twists, waits, modes, slip_m, load = None, [], [], [], set(), 0.0, 0.0
+    start, poses, twists, waits, modes, slip_m, most = None, [], [], [], set(), 0.0, 0.0
     for tick in range(3000):
-        outputs = loop.observe()
+        outputs = loop.bridge.observe()
         if start is not None and tick >= FIRST and (tick - FIRST) % 10 == 0:
             x, R, v, a = path.at((tick - FIRST) * 1e-3)
             stamp_ns = 7 * 10**15 + tick * 10**6  # of another clock
             loop.session.set_reference(CartesianReference(start[0] + x, R @ start[1], v, a, stamp_ns))
-        result = loop.control(outputs)
+        result = loop.answer(outputs)[0]
         reference, governor = result.record.reference, result.record.governor
         start = start or (np.array(reference.position), np.array(reference.rotation))
         poses.append(np.array(reference.position) - start[0])
@@ -58,10 +59,10 @@ def test_fast_stream_is_slowed() -> None:
         waits.append(float(governor.stream_waits))
         modes.add(result.mode)
         slip_m = max(slip_m, float(np.linalg.norm(outputs.truth.slip_displacement[:3])))
-        load = max(load, float(governor.load_ratio))
+        most = max(most, float(governor.load_ratio))
         loop.bridge.advance([result.command])
     assert slip_m < HELD_M
-    assert load <= 1.0 + 1e-9
+    assert most <= 1.0 + 1e-9
     assert modes <= {Mode.ACTIVE, Mode.DEGRADED}
     assert max(waits) > 0.2, "it is slowed down"
     assert np.abs(poses[-1] - path.way[:3]).max() < 1e-9, "it is followed to its end"
@@ -69,7 +70,7 @@ def test_fast_stream_is_slowed() -> None:
 
 
 def test_passed_samples_are_dropped() -> None:
-    stream = record(new(STREAM), STREAM)
+    stream = blank(Stream)
     for time, points in ((0.5, 6), (1.0, 5), (2.5, 4), (9.0, 2)):
         stream.count = 6
         for i in range(6):
@@ -84,9 +85,9 @@ def test_passed_samples_are_dropped() -> None:
 
 def new_stream() -> tuple:
     """Return a STREAM that begins with its next sample, and a GOVERNOR."""
-    stream = record(new(STREAM), STREAM)
+    stream = blank(Stream)
     stream.first_ns = NEVER
-    return stream, record(new(GOVERNOR), GOVERNOR)
+    return stream, blank(Governor)
 
 
 def take(stream, path, now_ns: int) -> bool:
@@ -121,7 +122,7 @@ def test_close_samples_are_thinned() -> None:
 
 def test_stream_bound_admits_braking() -> None:
     """A point mass: over the way D, K falls by 2 D F / m."""
-    stream, F, mass, spacing_s = record(new(STREAM), STREAM), 1.5, 0.5, 0.1
+    stream, F, mass, spacing_s = blank(Stream), 1.5, 0.5, 0.1
     stream.count, stream.load = 5, -1.0
     for i in range(5):
         point = stream.points[i]
@@ -134,7 +135,7 @@ def test_stream_bound_admits_braking() -> None:
 
 
 def test_stream_bound_is_piecewise_linear() -> None:
-    stream = record(new(STREAM), STREAM)
+    stream = blank(Stream)
     stream.count = 3
     for i, (time, K) in enumerate(((0.0, 4.0), (1.0, 2.0), (3.0, 1.0))):
         stream.points[i].time = stream.points[i].s = time
@@ -192,7 +193,7 @@ def numbers(reference: Reference) -> np.ndarray:
 
 
 def test_stream_interpolation_is_consistent() -> None:
-    rng, stream = np.random.default_rng(5), record(new(STREAM), STREAM)
+    rng, stream = np.random.default_rng(5), blank(Stream)
     times, R, samples = (0.0, 0.3, 0.5, 1.1), np.eye(3), []
     for i, time in enumerate(times):
         R = Rotation.from_rotvec(rng.normal(size=3) * 0.2).as_matrix() @ R
@@ -217,13 +218,13 @@ def test_stream_interpolation_is_consistent() -> None:
 
 def test_stream_runs_replay_identically(tmp_path) -> None:
     for controller in ("governed", "vic"):
-        loaded = load_scenario("paper_planar", law=controller, assignments=(TOPIC, "bridge.duration_s=0.2"))
+        loaded = load("paper_planar", law=controller, set=(TOPIC, "bridge.duration_s=0.2"))
         given = {}
         for tick in (*range(5, 60, 5), 62, *range(120, 180, 20)):
             twist = np.array([0.1, 0.0, 0.0, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
             stamp_ns = 0 if tick % 2 else tick * 10**6
             given[tick] = goal_message((0.1 * tick * 1e-3, 0.35, 0.5), (0, 0, 1, 0.01 * tick), 0.0, twist, stamp_ns)
         record_run(tmp_path / controller, loaded, goals=given)
-        with Bag(tmp_path / controller) as bag:
-            verdict = verify_run(read_run(bag))
+        bag = Bag(tmp_path / controller)
+        verdict = verify_run(read_run(bag))
         assert verdict.text() == "identical: 200 cycles, 1400 efforts, to the last bit"

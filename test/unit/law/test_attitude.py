@@ -90,13 +90,6 @@ def test_both_coordinates_are_identical_about_one_axis(axis: int, angle: float) 
     np.testing.assert_allclose(log.rate, w - w_d, atol=ROUNDING)
 
 
-def test_error_points_from_desired_to_current() -> None:
-    """A pad turned by +0.1 rad has a positive error, so that -K e_o turns it back."""
-    for kind in (Coordinates.LOG, Coordinates.RPY):
-        error = attitude_error(kind, about(2, 0.1), np.eye(3), ZERO, ZERO, ZERO, ZERO)
-        np.testing.assert_allclose(error.error, [0.0, 0.0, 0.1], atol=ROUNDING)
-
-
 def test_the_papers_convention_is_consistent_but_for_two_signs() -> None:
     """From current to desired e' = -e_o, w_d - w_ee = T_e e'_dot: then Eq. (23) has -Tdot_e as printed, but +K e'.
 

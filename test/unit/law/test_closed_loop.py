@@ -72,7 +72,7 @@ def check_response(attitude: int) -> None:
         assert found.ok
         assert not found.near_singular_arm
         assert not found.near_singular_attitude
-        assert not found.saturated_joints
+        assert not found.saturated.any()
         arm = case.arm
         torque = found.effort[:7] + arm.J[:, :7].T @ found.h_ee - arm.bias[:7]
         return found, np.linalg.solve(arm.M[:7, :7], torque)

@@ -7,13 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slip_core.records import POSE, new, record
+from slip_core.records import POSE, dtype_of, new, record
 from slip_vic_controller.law import contact as law
-from slip_vic_controller.law.contact import CONTACT
+from slip_vic_controller.law.contact import Contact
 from test.referees.law_referee import Phi1, S, exponential, grasp_matrix_parts, jacobian_series, slip_acceleration, two
 from test.support.call import call, flat
 from test.support.law_cases import random_case
 
+CONTACT = dtype_of(Contact)
 ROUNDING = 1e-12
 POWER = 1e-10  # a difference of two sums of products up to 1e3, so 1e3 rounding steps
 FIRST_DIFFERENCE = 1e-7  # central differences with step 1e-5

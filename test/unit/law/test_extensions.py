@@ -7,13 +7,16 @@ import math
 import numpy as np
 import pytest
 
-from slip_core.records import new, record
+from slip_core.records import dtype_of, new, record
 from slip_vic_controller.law import extensions
 from slip_vic_controller.law.config import YIELDS_M
-from slip_vic_controller.law.extensions import GIVEN_UP
-from slip_vic_controller.law.gains import GAINS
+from slip_vic_controller.law.extensions import CompensationState
+from slip_vic_controller.law.gains import Gains
 from test.support.call import call, flat
 from test.support.law_cases import random_case
+
+GAINS = dtype_of(Gains)
+GIVEN_UP = dtype_of(CompensationState)
 
 SLIPS, STICKS = np.array([0.005, 0.0, 0.0, 0.0, 0.0, 0.0]), np.zeros(6)
 MS = 1e-3

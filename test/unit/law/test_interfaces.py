@@ -12,7 +12,7 @@ from slip_core.records import new, place
 from slip_core.types import DisplacementSample, JointCommand, WrenchSample
 from slip_sim_bridge.sensors.slip import pose_of
 from slip_vic.run.in_process import ClosedLoop
-from slip_vic.scenarios.scenario import Scenario, load_scenario
+from slip_vic.scenarios.scenario import Scenario, load
 from slip_vic_controller.interfaces import SlipFromDisplacement
 from slip_vic_controller.law.arm import ARM as ARM_LAYOUT
 from slip_vic_controller.state import INPUTS
@@ -27,18 +27,18 @@ TOOL, COM = 0.12, (0.0, 0.01, 0.04)
 
 
 def scenario(*assignments: str, ticks: int = TICKS, name: str = "vertical_plane") -> Scenario:
-    return load_scenario(name, assignments=(f"bridge.duration_s={ticks / 1000}", *assignments))
+    return load(name, law="vic", set=(f"bridge.duration_s={ticks / 1000}", *assignments))
 
 
 def efforts(loaded: Scenario, wrench=lambda sample, R: sample, command=lambda loop, result: result.command):
     """Run a scenario; `wrench` stands for another sensor, `command` for other drives."""
     loop, found = ClosedLoop(loaded), []
     while not loop.bridge.finished:
-        outputs = loop.observe()
-        loop.controller.controller.robot.terms(outputs.arms[0].joint.position, outputs.arms[0].joint.velocity, ARM)
+        outputs = loop.bridge.observe()
+        loop.session.arms[0].controller.robot.terms(outputs.arms[0].joint.position, outputs.arms[0].joint.velocity, ARM)
         R = ARM[_ROTATION].reshape(3, 3)
         wrenches = tuple(wrench(sample, R) for sample in outputs.arms[0].wrenches)
-        result = loop.control(outputs._replace(arms=(outputs.arms[0]._replace(wrenches=wrenches),)))
+        result = loop.answer(outputs._replace(arms=(outputs.arms[0]._replace(wrenches=wrenches),)))[0]
         answer = command(loop, result)
         found.append(np.array(answer.numbers))
         loop.bridge.advance([answer])
@@ -86,7 +86,7 @@ def test_a_urdf_link_places_the_wrench_sensor() -> None:
 
 def test_an_arm_that_compensates_gravity() -> None:
     def with_gravity(loop: ClosedLoop, result) -> JointCommand:
-        g = loop.controller.controller.robot.gravity(result.joint.position)
+        g = loop.session.arms[0].controller.robot.gravity(result.joint.position)
         return JointCommand(result.command.stamp_ns, result.command.numbers + g)
 
     own = scenario("controller.effort.gravity=robot_compensates")

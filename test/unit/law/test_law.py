@@ -13,7 +13,7 @@ from slip_core.params import build
 from slip_vic_controller.law.attitude import LOG_REPORT, Coordinates
 from slip_vic_controller.law.config import make_law_config
 from slip_vic_controller.params.controller_params import ControllerParams
-from test.referees.law_referee import about, referee_law
+from test.referees.law_referee import referee_law
 from test.support.law_cases import PI, Case, random_case
 
 REFEREE = 1e-11  # of the largest intermediate of the case: two routes through inverses of well-scaled matrices
@@ -69,7 +69,6 @@ def assert_equal(case: Case) -> dict[str, Any]:
     limit = case.config.effort_limit[:n]
     assert (found.effort[:n] == np.clip(found.tau[:n], -limit, limit)).all()
     assert (found.saturated[:n] == (np.abs(found.tau[:n]) > limit)).all()
-    assert found.saturated_joints == found.saturated[:n].sum()
     internal = np.kron(np.eye(2), case.arm.rotation.T) @ expected["h_int"] if case.contacts > 1 else np.zeros(6)
     np.testing.assert_allclose(found.h_int, internal, rtol=0.0, atol=REFEREE * scale)
     carried = expected["follow"] + expected["Phi2"] + np.kron(np.eye(2), case.arm.rotation) @ case.follow_error
@@ -106,7 +105,7 @@ def test_the_comparison_sees_a_difference() -> None:
     case = random_case(0)
     case.evaluate()
     right = case.referee()
-    right.k_s *= 1.0 + 1e-9
+    right.gains.k_s *= 1.0 + 1e-9
     a_C = [case.symbols()[f"a_C_{axis}"] for axis in AXES]
     np.testing.assert_allclose(a_C, referee_law(case.referee())["a_C"], rtol=0.0, atol=1e-10)
     with pytest.raises(AssertionError):
@@ -199,18 +198,6 @@ def test_more_contacts_than_places_are_refused() -> None:
         make_law_config(build(ControllerParams, {"contacts": many}, "test"), np.full(6, 30.0))
 
 
-@pytest.mark.parametrize("pitch", [PI / 2, -PI / 2, PI / 2 - 1e-9, PI / 2 - 0.05])
-def test_gimbal_lock_gives_a_bounded_effort(pitch: float) -> None:
-    case = random_case(3, attitude=Coordinates.RPY)
-    error = about(2, 0.3) @ about(1, pitch) @ about(0, -0.2)
-    case.reference.rotation[:] = case.arm.rotation @ error.T
-    found = case.evaluate()
-    assert found.ok
-    assert found.near_singular_attitude
-    assert np.abs(found.a_C).max() < 1e5
-    assert all(map(math.isfinite, case.symbols().values()))
-
-
 @pytest.mark.parametrize("seed", range(3))
 def test_a_scaled_acceleration_scales_the_torque(seed: int) -> None:
     """The effort is affine in the factor and clipped again."""
@@ -220,10 +207,10 @@ def test_a_scaled_acceleration_scales_the_torque(seed: int) -> None:
     np.testing.assert_allclose(half, 0.5 * (none + whole), rtol=0.0, atol=TORQUE * np.abs(whole).max())
     np.testing.assert_allclose(case.evaluate().effort[: case.joints], whole, rtol=TORQUE)
     case.config.effort_limit[: case.joints] = np.abs(half) + 1e-3
-    assert case.evaluate().saturated_joints > 0
+    assert case.evaluate().saturated.any()
     found = case.evaluate(0.5)
     assert found.ok
-    assert found.saturated_joints == 0
+    assert not found.saturated.any()
     np.testing.assert_allclose(found.effort[: case.joints], half, rtol=TORQUE)
 
 

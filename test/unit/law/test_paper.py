@@ -8,13 +8,15 @@ import numpy as np
 import pytest
 
 import slip_vic
-from slip_core.records import new, record
-from slip_vic.scenarios.scenario import load_scenario
-from slip_vic_controller.law.gains import GAINS
+from slip_core.records import dtype_of, new, record
+from slip_vic.scenarios.scenario import load
+from slip_vic_controller.law.gains import Gains
 from slip_vic_controller.law.paper import V_e, V_s, faded, slip_activation
 from test.referees.law_referee import V_e_dot, V_s_dot
 from test.support.call import call, flat
 from test.support.law_cases import random_case
+
+GAINS = dtype_of(Gains)
 
 ROUNDING = 1e-12
 FIRST_DIFFERENCE = 1e-6  # central differences with step 1e-6
@@ -79,7 +81,7 @@ def test_turning_alone_opens_the_linear_gate() -> None:
 
 @pytest.mark.parametrize(("sensor", "drive"), [("", ""), ("event_1000", "torque_joint")])
 def test_the_printed_law_has_no_extensions(sensor: str, drive: str) -> None:
-    params = load_scenario("glass_transport", law="printed", sensor=sensor, drive=drive, mode="realtime").controller
+    params = load("glass_transport", law="printed", sensor=sensor, drive=drive, mode="realtime").controller
     assert (params.slip_estimator, params.gains.spin, params.controller) == ("measured", "follow", "printed")
     assert not params.bounded_authority
     assert params.governor.mode == "off"

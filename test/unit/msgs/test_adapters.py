@@ -18,7 +18,7 @@ from examples.tactile_adapters.conversions import (
 )
 from examples.tactile_adapters.field_twist import planar_twist
 from slip_core.errors import InputError
-from slip_msgs_py.messages.from_msgs import flag_samples
+from slip_msgs_py.messages.from_msgs import slip_flags
 from slip_msgs_py.messages.to_msgs import header
 
 
@@ -43,7 +43,7 @@ def test_what_the_controller_makes_of_it() -> None:
         ([3, 3], {"active": False}, 0.0, False),
     ):  # fmt: skip
         message = flags(header(7, "ee"), papillarray_flags(papillarray(states, **options)))
-        sample = flag_samples(message)(7, np.array(message.position))
+        sample = slip_flags(message)
         assert (sample.valid, sample.twist[0]) == (valid, up), states
 
 

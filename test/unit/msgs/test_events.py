@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import pytest
 
-from slip_msgs_py import events
-from slip_msgs_py.events import decode, emit, warn
+from slip_msgs_py import environment
+from slip_msgs_py.environment import decode, emit, warn
 from slip_vic.run.launcher import Launcher
-from slip_vic.scenarios.scenario import load_scenario
+from slip_vic.scenarios.scenario import load
 
 
 def test_events_survive_the_way_through_their_lines(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setenv(events.EVENTS_VARIABLE, "1")
-    emit("ready")
+    monkeypatch.setenv(environment.EVENTS_VARIABLE, "1")
     emit("warning", text='core 7 is not available ("7")\n')
     emit("done", ticks=3, topics={"/a": {"lost": None}})
     assert [decode(line) for line in capsys.readouterr().out.splitlines()] == [
-        ("ready", {}),
         ("warning", {"text": 'core 7 is not available ("7")\n'}),
         ("done", {"ticks": 3, "topics": {"/a": {"lost": None}}}),
     ]
@@ -43,10 +41,10 @@ def test_warnings_of_recorder_and_set_up_reach_the_result(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """What the children print is what the launcher reads."""
-    monkeypatch.setenv(events.EVENTS_VARIABLE, "1")
+    monkeypatch.setenv(environment.EVENTS_VARIABLE, "1")
     warn("recorder", "topic /x has several types")
     warn("slip_sim_bridge.node", "core 7 is not available")
-    launcher = Launcher(load_scenario("paper_planar"))
+    launcher = Launcher(load("paper_planar", law="vic"))
     for line in capsys.readouterr().out.splitlines():
         event = decode(line)
         assert event is not None, line
@@ -57,8 +55,8 @@ def test_warnings_of_recorder_and_set_up_reach_the_result(
 def test_without_a_parent_only_warnings_are_told(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.delenv(events.EVENTS_VARIABLE, raising=False)
-    emit("ready")
+    monkeypatch.delenv(environment.EVENTS_VARIABLE, raising=False)
+    emit("done")
     warn("recorder", "topic /x has several types")
     told = capsys.readouterr()
     assert (told.out, told.err) == ("", "warning: recorder: topic /x has several types\n")

@@ -8,13 +8,20 @@ from typing import Any
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Duration, Time
-from geometry_msgs.msg import Quaternion, Transform, Twist, Vector3
+from geometry_msgs.msg import (
+    PoseStamped,
+    Quaternion,
+    Transform,
+    Twist,
+    TwistStamped,
+    Vector3,
+    Wrench,
+    WrenchStamped,
+)
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 from trajectory_msgs.msg import (
-    JointTrajectory,
-    JointTrajectoryPoint,
     MultiDOFJointTrajectory,
     MultiDOFJointTrajectoryPoint,
 )
@@ -22,17 +29,15 @@ from trajectory_msgs.msg import (
 from slip_core.errors import InputError
 from slip_msgs_py.messages.from_msgs import (
     cartesian_reference,
-    displacement_sample,
-    flag_samples,
-    in_frame,
-    joint_commands,
+    joint_command,
     joint_indices,
-    joint_samples,
-    joint_trajectory,
+    joint_sample,
     pose_goal,
-    slip_flag,
-    slip_sample,
+    slip_displacement,
+    slip_flags,
+    slip_velocity,
     streamed_reference,
+    wrench_sample,
 )
 
 ROUNDING = 1e-12
@@ -75,6 +80,9 @@ def test_a_reference_without_a_pose_is_refused() -> None:
     for message in (empty, MultiDOFJointTrajectory()):
         with pytest.raises(InputError, match="no point with a transform"):
             cartesian_reference(message)
+    for quat in ((0.0, 0.0, 0.0, 0.0), (NAN, 0.0, 0.0, 1.0)):
+        with pytest.raises(InputError, match="quaternion"):
+            cartesian_reference(reference(quat=quat))
 
 
 def test_a_stream_says_how_it_moves_in_finite_numbers() -> None:
@@ -117,18 +125,18 @@ def test_joints_beyond_those_of_the_controller_are_left_out() -> None:
     for names in (("a", "b", "c"), ("c", "a", "b")):  # more joints than the controller's
         given = np.array([{"a": 1.0, "b": 2.0, "c": 3.0}[name] for name in names])
         message = JointState(name=list(names), position=given.tolist(), velocity=given.tolist(), effort=given.tolist())
-        sample = joint_samples(message, ("a", "b"))(7, given, given, given)
+        sample = joint_sample(message, ("a", "b"))
         for values in (sample.position, sample.velocity, sample.effort):
             np.testing.assert_array_equal(values, (1.0, 2.0))
     whole = {"name": list(ORDER), "position": [0.0] * 3, "velocity": [0.0] * 3}
     for name in ("position", "velocity"):
         with pytest.raises(InputError, match="one position per name, and one velocity or none"):
-            joint_samples(JointState(**{**whole, name: [0.0] * 2}), ORDER)
+            joint_sample(JointState(**{**whole, name: [0.0] * 2}), ORDER)
 
 
 def test_velocities_that_a_joint_state_leaves_out_are_no_numbers() -> None:
     message = JointState(name=list(ORDER), position=[1.0, 2.0, 3.0])
-    sample = joint_samples(message, ORDER)(7, np.array([1.0, 2.0, 3.0]), np.zeros(0), np.zeros(0))
+    sample = joint_sample(message, ORDER)
     np.testing.assert_array_equal(sample.position, (1.0, 2.0, 3.0))
     assert np.isnan(sample.velocity).all()
     assert sample.velocity.shape == (3,)
@@ -142,14 +150,15 @@ def test_of_a_command_its_interface_counts_alone() -> None:
         "effort": np.array([9.0, 7.0, 8.0]),
     }
     for interface, first in (("position", 1.0), ("velocity", 4.0), ("effort", 7.0)):
-        message = JointState(name=list(names), **{interface: sets[interface].tolist()})
-        command = joint_commands(message, ORDER, interface)(5, sets["position"], sets["velocity"], sets["effort"])
+        message = JointState(name=list(names), **{kind: values.tolist() for kind, values in sets.items()})
+        message.header.stamp.nanosec = 5
+        command = joint_command(message, ORDER, interface)
         np.testing.assert_array_equal(command.numbers, first + np.arange(3.0))
         assert command.stamp_ns == 5
-        none = joint_commands(JointState(name=list(names)), ORDER, interface)(5, *(np.zeros(0),) * 3)
+        none = joint_command(JointState(name=list(names)), ORDER, interface)
         assert len(none.numbers) == 0
         with pytest.raises(InputError, match="one number per name"):
-            joint_commands(JointState(name=list(names), **{interface: [0.0]}), ORDER, interface)
+            joint_command(JointState(name=list(names), **{interface: [0.0]}), ORDER, interface)
 
 
 def test_names_that_are_not_those_of_the_joints_are_refused() -> None:
@@ -158,15 +167,23 @@ def test_names_that_are_not_those_of_the_joints_are_refused() -> None:
             joint_indices(ORDER, tuple(names))
 
 
+def pose_of(numbers: Any) -> PoseStamped:
+    message = PoseStamped()
+    for owner, values in ((message.pose.position, numbers[:3]), (message.pose.orientation, numbers[3:])):
+        for name, value in zip("xyzw", map(float, values), strict=False):
+            setattr(owner, name, value)
+    return message
+
+
 def test_slip_that_is_not_finite_or_no_pose_is_invalid() -> None:
     for k in range(7):
         broken = np.ones(7)
         broken[k] = NAN
-        assert k == 6 or not slip_sample(1, broken[:6]).valid
-        assert not displacement_sample(1, broken).valid
-    assert slip_sample(1, np.ones(6)).valid
+        assert k == 6 or not slip_velocity(TwistStamped(twist=six(tuple(broken[:6]))[0]), "ee").valid
+        assert not slip_displacement(pose_of(broken)).valid
+    assert slip_velocity(TwistStamped(twist=six((1.0,) * 6)[0]), "ee").valid
     for quat, valid in (((0.0, 0.0, 0.0, 1.0), True), (QUAT, True), ((1.0, 0.0, 0.0, 0.0), True), ((0.0,) * 4, False)):
-        assert displacement_sample(1, np.array([0.0, 0.0, 0.0, *quat])).valid == valid
+        assert slip_displacement(pose_of((0.0, 0.0, 0.0, *quat))).valid == valid
 
 
 def test_one_flag_that_is_up_is_slip_and_what_is_not_known_is_no_rest() -> None:
@@ -174,31 +191,25 @@ def test_one_flag_that_is_up_is_slip_and_what_is_not_known_is_no_rest() -> None:
         ((0.0, 1.0), 1.0, True), ((0.0, 0.0), 0.0, True), ((NAN, 0.0), 0.0, True), ((NAN, 1.0), 1.0, True),
         ((NAN, NAN), 0.0, False), ((), 0.0, False),
     ):  # fmt: skip
-        sample = slip_flag(9, np.array(flags))
-        assert (sample.stamp_ns, sample.valid) == (9, valid)
+        sample = slip_flags(JointState(name=["a"] * len(flags), position=flags))
+        assert sample.valid == valid
         assert not valid or sample.twist.tolist() == [up] * 6
     with pytest.raises(InputError, match="2 names, 1 positions"):
-        flag_samples(JointState(name=["a", "b"], position=[0.0]))
+        slip_flags(JointState(name=["a", "b"], position=[0.0]))
 
 
 def test_a_message_of_another_frame_is_refused_and_one_without_is_not() -> None:
-    for frame in ("", "ee"):
-        message = JointState(header=Header(frame_id=frame))
-        assert in_frame(message, frame="ee", make=slip_sample) is slip_sample
-    with pytest.raises(InputError, match="frame_id"):
-        in_frame(JointState(header=Header(frame_id="base")), frame="ee", make=slip_sample)
+    for read, kind in ((wrench_sample, WrenchStamped), (slip_velocity, TwistStamped)):
+        for frame in ("", "ee"):
+            assert read(kind(header=Header(frame_id=frame)), "ee").stamp_ns == 0
+        with pytest.raises(InputError, match="frame_id"):
+            read(kind(header=Header(frame_id="base")), "ee")
 
 
-def test_a_joint_trajectory_is_its_times_positions_and_names() -> None:
-    points = [
-        JointTrajectoryPoint(positions=[1.0 * k, k + 0.5], time_from_start=Duration(sec=k, nanosec=250_000_000))
-        for k in range(3)
-    ]
-    times, positions, names = joint_trajectory(JointTrajectory(joint_names=["a", "b"], points=points))
-    np.testing.assert_allclose(times, (0.25, 1.25, 2.25), rtol=ROUNDING)
-    np.testing.assert_array_equal(positions, [[0.0, 0.5], [1.0, 1.5], [2.0, 2.5]])
-    assert names == ("a", "b")
-    with pytest.raises(InputError, match="1 positions in point 2"):
-        joint_trajectory(
-            JointTrajectory(joint_names=["a", "b"], points=[points[0], JointTrajectoryPoint(positions=[1.0])])
-        )
+def test_numbers_of_wrench_twist_pose_and_flags() -> None:
+    (motion,) = six(TWIST)
+    wrench = Wrench(force=motion.linear, torque=motion.angular)
+    assert tuple(wrench_sample(WrenchStamped(wrench=wrench), "ee").wrench) == TWIST
+    assert tuple(slip_velocity(TwistStamped(twist=motion), "ee").twist) == TWIST
+    assert tuple(slip_displacement(pose_of((*POSITION, *QUAT))).pose) == (*POSITION, *QUAT)
+    assert slip_flags(JointState(name=["a"], position=[1.0])).twist.tolist() == [1.0] * 6

@@ -7,67 +7,48 @@ from typing import Any
 import numpy as np
 import pytest
 
-from slip_core.types import JointSample, SlipSample, WrenchSample
-from slip_vic.scenarios.scenario import load_scenario
-from slip_vic_controller.safety.modes import Mode, Request
-from slip_vic_controller.session.controller import Controller
-from test.support.one_arm import OneArm, one_arm
+from slip_vic_controller.safety.conditions import Mode, Request
+from test.support.made_up import CALM, MS, MadeUp, law_at_work
 
-MS = 1_000_000
 LARGEST_NS, SMALLEST_NS = (2**31 - 1) * 1_000_000_000 + 999_999_999, -(2**31) * 1_000_000_000
 
 
-@pytest.fixture(scope="module")
-def controller() -> Controller:
-    scenario = load_scenario("paper_planar", mode="realtime")
-    return one_arm(scenario.controller, scenario.urdf, lockstep=False)
-
-
-HOME = np.array(load_scenario("paper_planar").bridge.initial_position)
-
-
-def feed(session: OneArm, stamp_ns: int, now_ns: int) -> Any:
-    """Give one set of inputs of a resting arm; return the answer."""
-    rest = np.zeros(7)
-    session.add_wrench(0, WrenchSample(stamp_ns, np.array([1e-3 * (stamp_ns % 7), 0.0, 4.9, 0.0, 0.0, 0.0])), now_ns)
-    session.add_slip(0, SlipSample(stamp_ns, np.zeros(6), valid=True), now_ns)
-    session.add_joint(JointSample(stamp_ns, HOME, rest, rest), now_ns)
-    return session.cycle(now_ns)
-
-
-def test_failure_is_a_resettable_fault(controller: Controller) -> None:
-    session = OneArm(controller)
-    for k in range(1, 50):
-        before = feed(session, k * MS, k * MS)
-    assert session.mode == Mode.ACTIVE
-    result = session.failed(50 * MS)
+def test_failure_is_a_resettable_fault() -> None:
+    made_up, still = law_at_work(**CALM), {"joint": {"velocity": np.zeros(7)}, "slip": np.zeros(6)}
+    before = made_up.run(50, **still)
+    made_up.pass_time()
+    result = made_up.session.failed(made_up.now_ns)
     assert result is not None
     assert result.mode == Mode.FAULT
     assert "internal error" in result.reason
     assert result.decision[4] == Request.FAILED  # in the ledger, so that a replay does the same
-    step = controller.first.params.safety.limits.effort_rate * 1e-3
+    step = made_up.controller.first.params.safety.limits.effort_rate * 1e-3
     assert np.abs(result.command.numbers - before.command.numbers).max() <= step + 1e-12
-    after = feed(session, 51 * MS, 51 * MS)
+    after = made_up.run(1, **still)
     assert after.mode == Mode.FAULT
     assert len(after.command.numbers) == 7
-    session.request(Request.RESET_FAULT)
-    assert feed(session, 52 * MS, 52 * MS).mode == Mode.HOLD
-    session.request(Request.ENABLE)
-    assert feed(session, 53 * MS, 53 * MS).mode.follows
+    made_up.session.request(Request.RESET_FAULT)
+    assert made_up.run(1, **still).mode == Mode.HOLD
+    made_up.session.request(Request.ENABLE)
+    assert made_up.run(1, **still).mode.follows
 
 
-def test_extreme_stamps_keep_efforts_finite(controller: Controller) -> None:
+@pytest.mark.parametrize("lockstep", [False, True])
+def test_extreme_stamps_keep_efforts_finite(lockstep: bool) -> None:
     """In real time and in lockstep, where every jump of the clock is taken at once."""
     stamps = (LARGEST_NS - 2 * MS, LARGEST_NS, SMALLEST_NS, SMALLEST_NS + 1, 0, LARGEST_NS, -1, 1, LARGEST_NS - 1)
-    lockstep = one_arm(controller.first.params, load_scenario("paper_planar").urdf, lockstep=True)
-    for of in (controller, lockstep):
-        session, now_ns = OneArm(of), 0
-        for stamp_ns in stamps * 3:
-            for k in range(7):  # more than `accept_after`
-                now_ns += MS
-                session.add_manifest(_Any())  # type: ignore[arg-type]
-                result = feed(session, min(stamp_ns + k, LARGEST_NS), now_ns)
-                assert result is None or np.isfinite(result.command.numbers).all()
+    made_up, efforts = MadeUp(lockstep), 0
+    for stamp_ns in stamps * 3:
+        for k in range(7):  # more than `accept_after`
+            made_up.pass_time()
+            made_up.stamp_ns = min(stamp_ns + k, LARGEST_NS)
+            made_up.deliver(slip=np.zeros(6))
+            made_up.session.add_manifest(_Any())  # type: ignore[arg-type]
+            made_up.session.add_joint(made_up.joint(velocity=np.zeros(7)), made_up.now_ns)
+            result = made_up.session.cycle(made_up.now_ns)
+            efforts += result is not None and len(result.command.numbers) > 0
+            assert result is None or np.isfinite(result.command.numbers).all()
+    assert efforts > 20
 
 
 class _Any:

@@ -13,15 +13,15 @@ import pytest
 from slip_core.errors import InputError
 from slip_core.params import ParameterInfo, build, flatten, parameter_infos, range_of
 from slip_sim_bridge.session import BridgeSession
-from slip_vic.scenarios.scenario import load_scenario
-from slip_vic_controller.params.node_params import ControllerNodeParams
-from slip_vic_controller.session.controller import Controller
-from slip_vic_controller.session.manifest import Manifest
+from slip_vic.scenarios.scenario import load
+from slip_vic_controller.config.controller import Controller
+from slip_vic_controller.params.controller_params import ControllerParams
+from slip_vic_controller.session.session import Manifest
 from test.support.one_arm import OneArm, one_arm
 
 CYCLES, DRAWS = 25, 100
 HOSTILE = (5e-324, 1e-300, 1e300, -1e300)
-NUMBERS = [info for info in parameter_infos(ControllerNodeParams) if "float" in str(info.kind)]
+NUMBERS = [info for info in parameter_infos(ControllerParams) if "float" in str(info.kind)]
 SET_UPS = {
     "observer, circle": {"slip_estimator": "observer", "trajectory.kind": "circle"},
     "measured, quintic": {
@@ -52,7 +52,7 @@ def with_value(info: ParameterInfo, value: float) -> Any:
 
 @pytest.fixture(scope="module")
 def bridge() -> tuple[Any, BridgeSession]:
-    scenario = load_scenario("paper_planar")
+    scenario = load("paper_planar", law="vic")
     return scenario, BridgeSession(scenario.bridges, scenario.urdfs)
 
 
@@ -81,7 +81,7 @@ def run_loop(bridge: BridgeSession, controller: Controller) -> None:
 def outcome(values: dict[str, Any], scenario: Any, bridge: BridgeSession) -> str:
     """Return "refused", "ran", or what went wrong."""
     try:
-        controller = one_arm(build(ControllerNodeParams, values, "test"), scenario.urdf, lockstep=True)
+        controller = one_arm(build(ControllerParams, values, "test"), scenario.urdf, lockstep=True)
     except InputError as error:  # not always of the parameter itself: some must fit to others
         return "refused" if "\n" not in str(error) and ", expected " in str(error) else f"unclear: {error}"
     except Exception as error:

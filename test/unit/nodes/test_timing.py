@@ -8,8 +8,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_core.timing import OK, WARN, spread
-from slip_sim_bridge import pacing
 from slip_sim_bridge.pacing import Pacer
 from slip_vic_controller.node import timing
 from slip_vic_controller.node.timing import CycleTiming
@@ -30,26 +28,23 @@ class Run:
         self.now = start_s
         self.pacer = Pacer(T, start_s)
 
-    def tick(self, step_s: float, answer_s: float | None) -> dict[str, float]:
+    def tick(self, step_s: float, answer_s: float | None) -> float:
         self.now += step_s
         self.pacer.published(self.now)
         if answer_s is not None and answer_s < self.pacer.left(self.now):
             self.now += answer_s
             self.pacer.answered(self.now)
         self.now += max(0.0, self.pacer.left(self.now))
-        return named(pacing.SCALARS, self.pacer.end(self.now))
+        return self.pacer.end(self.now)
 
 
 def test_punctual_ticks_are_fresh() -> None:
     run = Run()
     for k in range(1, 2001):
-        numbers = run.tick(2e-4, 3e-4)
-        assert numbers["fresh"] == 1.0
-        assert numbers["latency_s"] == pytest.approx(3e-4, abs=ROUNDING_S)
+        assert run.tick(2e-4, 3e-4) == pytest.approx(3e-4, abs=ROUNDING_S)
         assert run.now == pytest.approx(100.0 + k * T, abs=ROUNDING_S)
-    assert numbers["fresh_share"] == 1.0
-    assert numbers["overruns"] == 0
-    assert numbers["real_time_factor"] == pytest.approx(1.0, abs=1e-6)
+    assert run.pacer.fresh_share == 1.0
+    assert run.pacer.overruns == 0
 
 
 @given(st.lists(st.floats(0.0, 5e-3), min_size=1, max_size=50))
@@ -77,7 +72,6 @@ def test_cycle_times() -> None:
     assert first["input_age_s"] == pytest.approx(3e-4)
     assert first["wrench_age_s"] == 0.0
     assert first["slip_age_s"] == pytest.approx(5.0)
-    assert (first["stale_wrench"], first["stale_slip"]) == (0, 1)
     stamp_ns += 1_000_000
     second = named(
         timing.SCALARS,
@@ -85,7 +79,6 @@ def test_cycle_times() -> None:
     )
     assert second["period_s"] == pytest.approx(1.1e-3)
     assert second["wrench_age_s"] == pytest.approx(2e-3)
-    assert (second["stale_wrench"], second["stale_slip"]) == (1, 1)
     assert (second["missed"], second["overruns"]) == (0, 0)
 
 
@@ -95,25 +88,3 @@ def test_missed_and_overrun_counts() -> None:
         numbers = cycles.add(stamp_ns, stamp_ns + 1_000_001, stamp_ns, ledger(0, stamp_ns, 1, 1))
     assert named(timing.SCALARS, numbers)["missed"] == 2
     assert named(timing.SCALARS, numbers)["overruns"] == 5
-
-
-def test_status_warns_of_late_cycles() -> None:
-    cycles = CycleTiming(T)
-    for k in range(100):
-        began_ns = k * 1_000_000
-        cycles.add(began_ns, began_ns + 1_500_000, began_ns, ledger(k, began_ns, 1, 1))
-    level, text, values = cycles.status()
-    assert (level, text) == (WARN, "100 cycles overran or were missed since the last status")
-    assert values["overruns"] == 100
-    assert values["period_p99_us"] == 1000.0
-    assert cycles.status()[0] == OK
-
-
-# -- spread --------------------------------------------------------------------------------
-
-
-def test_spread_is_that_of_finite_values() -> None:
-    found = spread([math.nan, *range(101), math.inf])
-    assert (found["mean"], found["p50"], found["p99"], found["max"]) == (50.0, 50.0, 99.0, 100.0)
-    assert found["deviation"] == pytest.approx(math.sqrt(850.0))
-    assert all(map(math.isnan, spread([math.nan]).values()))

@@ -7,7 +7,7 @@ import yaml
 from slip_core.params import build
 from slip_vic.scenarios import scenario_names
 from slip_vic.scenarios.parameter_files import config_files, parameter_page, topic_page
-from slip_vic.scenarios.scenario import NODES, load_scenario
+from slip_vic.scenarios.scenario import NODES, load
 from tools import evidence
 
 ROOT = Path(__file__).parents[3]
@@ -33,12 +33,12 @@ def test_parameters_of_a_config_file() -> None:
     """What a file leaves out is the default."""
     files = config_files()
     for scenario in scenario_names(1):
-        loaded = load_scenario(scenario)
+        loaded = load(scenario, law="vic")
         wanted = {
             "bridge": loaded.bridge,
             "controller_vic": loaded.controller,
-            "controller_classical": load_scenario(scenario, law="classical").controller,
-            "controller_vic_realtime": load_scenario(scenario, mode="realtime").controller,
+            "controller_classical": load(scenario, law="classical").controller,
+            "controller_vic_realtime": load(scenario, law="vic", mode="realtime").controller,
         }
         for name, params in wanted.items():
             node, model = NODES[name.split("_")[0]]

@@ -73,7 +73,7 @@ def test_bad_numbers_are_caught(monkeypatch: pytest.MonkeyPatch) -> None:
 
         def cycle(self, now_ns: int | None = None) -> Any:
             result = super().cycle(now_ns)
-            if result is not None and result.cycle == 100:
+            if result is not None and result.ledger[0] == 100:
                 result.numbers = np.array(result.numbers)
                 result.numbers[3] = np.nan
             return result

@@ -12,9 +12,15 @@ from pathlib import Path
 import numpy as np
 
 ROOT = Path(__file__).parents[3]
-PARTS = ("law.digests", "contact.ride", "governor.digests")
+PARTS = ("law.digests", "governor.digests")
 KINDS = (
-    {"gains__k_s": 100.0, "slip_estimator": "observer", "trajectory__kind": "circle", "trajectory__duration_s": 4.0},
+    {
+        "gains__k_s": 100.0,
+        "slip_estimator": "observer",
+        "slip_sensor__dead_band_linear": 2e-3,
+        "trajectory__kind": "circle",
+        "trajectory__duration_s": 4.0,
+    },
     {
         "gains__k_s": 100.0,
         "attitude": "rpy",
@@ -29,7 +35,7 @@ CALM = {"safety__load__drop_speed": 1e3}  # nobody moves the arm
 def digests() -> list[str]:
     """Return what the bytes of state and outputs come to after each cycle of a short run with every kind of fault."""
     from slip_core.types import JointSample
-    from slip_vic_controller.safety.modes import Request
+    from slip_vic_controller.safety.conditions import Request
     from test.support.made_up import LOAD, MS, POSITION, SLIP, MadeUp, N
 
     found = []
@@ -43,6 +49,8 @@ def digests() -> list[str]:
                 q = q + np.nan  # bridged
             if 40 <= k < 47:
                 q = q + 0.3  # a jump, and a source that starts anew
+            if 55 <= k < 65:
+                slip[:3] = 0.0  # below the dead band
             if 70 <= k < 80:
                 slip = slip + np.nan
             if k == 90:

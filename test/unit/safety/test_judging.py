@@ -9,19 +9,18 @@ import pytest
 
 from slip_core.records import dtype_of, new, record
 from slip_vic.run.in_process import ClosedLoop
-from slip_vic.scenarios.scenario import load_scenario
-from slip_vic_controller.cycle.judging import judge, slows
+from slip_vic.scenarios.scenario import load
+from slip_vic_controller.cycle.deciding import judge, slows
 from slip_vic_controller.safety.conditions import (
     NOTHING,
     Health,
+    Mode,
     Reason,
-    Severity,
     Why,
     describe,
     forget_conditions,
     put_why,
 )
-from slip_vic_controller.safety.modes import Mode
 from slip_vic_controller.sizes import NEVER
 from slip_vic_controller.state import ARM_SIZE, ARM_STATE, CONFIG, TASK_SIZE, TASK_STATE
 from test.support.call import call
@@ -47,7 +46,7 @@ class Memory(NamedTuple):
 
 
 class Verdict(NamedTuple):
-    severity: Severity
+    mode: Mode
     words: str
     slows: bool
     slip_unknown_ns: int | None
@@ -98,7 +97,7 @@ class Judge:
         since = (rows[of]["since_ns"] for of in (Reason.SLIP_PREDICTED, Reason.TOO_FAST))
         comes_to_rest = bool(call(slows, record(self.config, CONFIG), s, now_ns))
         times_found = (None if t == NEVER else int(t) for t in since)
-        return Verdict(Reason(why.reason).severity, describe(why, self.names), comes_to_rest, *times_found)
+        return Verdict(Reason(why.reason).mode, describe(why, self.names), comes_to_rest, *times_found)
 
 
 def kinds() -> list[Judge]:
@@ -134,17 +133,17 @@ def test_fall_exceeds_slip_uncertainty() -> None:
 
 def test_good_inputs_give_no_reason() -> None:
     for kind in kinds():
-        assert kind.judge(QUIET) == Verdict(Severity.SAMPLE, "", False, None, None)
+        assert kind.judge(QUIET) == Verdict(Mode.ACTIVE, "", False, None, None)
 
 
 def test_what_counts_first() -> None:
-    """Of two reasons of one severity the one that a user has to act on; a reason to hold hides one to be careful."""
+    """Of two reasons of one mode the one that a user has to act on; a reason to hold hides one to be careful."""
     kind = kinds()[0]
     silent, invalid = (Reason.SILENT, NONE, NONE), (NONE, Reason.INVALID, NONE)
     held = QUIET._replace(mode=Mode.HOLD)
     stops = QUIET._replace(stopping_ns=NOW_NS, path_speed=0.5)
-    hold, careful = Severity.HOLD, Severity.DEGRADED
-    for memory, health, severity, words in (
+    hold, careful = Mode.HOLD, Mode.DEGRADED
+    for memory, health, mode, words in (
         (QUIET, (NONE, NONE, Reason.SECOND_PUBLISHER), hold, "an input has two publishers"),
         (held, silent, hold, "wrench is silent"),
         (held, invalid, hold, "slip velocity is invalid"),
@@ -154,10 +153,10 @@ def test_what_counts_first() -> None:
         (stops, invalid, careful, "slip velocity is invalid: slowing down"),
         (stops, GOOD, careful, "hold requested: coming to rest first"),
         (stops._replace(stopping_ns=None), GOOD, careful, "the path waits for the arm"),
-        (QUIET, (NONE, NONE, Reason.FOREIGN_COMMAND), Severity.FAULT, "effort command has another publisher"),
+        (QUIET, (NONE, NONE, Reason.FOREIGN_COMMAND), Mode.FAULT, "effort command has another publisher"),
     ):
         verdict = kind.judge(memory, health)
-        assert (verdict.severity, verdict.words) == (severity, words)
+        assert (verdict.mode, verdict.words) == (mode, words)
 
 
 @pytest.mark.parametrize("index", [0, 1])
@@ -166,16 +165,16 @@ def test_unknown_slip_lasts_its_time(index: int) -> None:
     kind, bad = kinds()[index], (NONE, Reason.INVALID, NONE)
     observer_ns, slow_ns = int(kind.limits.lasts_ns[Reason.SLIP_SLOWS]), int(kind.limits.slow_down_ns)
     assert (observer_ns > 0) == (kind.controller.first.params.slip_estimator == "observer")
-    careful, over = Severity.DEGRADED, observer_ns + slow_ns
+    careful, over = Mode.DEGRADED, observer_ns + slow_ns
     expected = [(0, careful, False), (observer_ns - 1, careful, False)] if observer_ns else []
     expected += [(observer_ns, careful, True), (over - 1, careful, True)]
-    expected += [(over, Severity.HOLD, True), (10 * over, Severity.HOLD, True)]
+    expected += [(over, Mode.HOLD, True), (10 * over, Mode.HOLD, True)]
     since = kind.judge(QUIET, bad).slip_unknown_ns
     assert since == NOW_NS
-    for passed, severity, comes_to_rest in expected:
+    for passed, mode, comes_to_rest in expected:
         memory = QUIET._replace(slip_unknown_ns=since, now_ns=NOW_NS + passed - MS)
         verdict = kind.judge(memory, bad, now_ns=NOW_NS + passed)
-        assert (verdict.severity, verdict.slows, verdict.slip_unknown_ns) == (severity, comes_to_rest, since)
+        assert (verdict.mode, verdict.slows, verdict.slip_unknown_ns) == (mode, comes_to_rest, since)
     assert kind.judge(QUIET._replace(slip_unknown_ns=since), GOOD).slip_unknown_ns is None
 
 
@@ -200,10 +199,10 @@ def test_speeds_have_one_clock() -> None:
 
 def test_law_waits_for_tare() -> None:
     slow = [f"{node}.control_period_s=0.004" for node in ("controller", "bridge")]
-    loop = ClosedLoop(load_scenario("paper_planar", assignments=["controller.tare.duration_s=0.1", *slow]))
+    loop = ClosedLoop(load("paper_planar", law="vic", set=["controller.tare.duration_s=0.1", *slow]))
     reasons = []
     for _ in range(60):
-        result = loop.control(loop.observe())
+        result = loop.answer(loop.bridge.observe())[0]
         reasons.append(str(result.reason))
         loop.bridge.advance([result.command])
     tares = [reason.startswith("tare: ") for reason in reasons]

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from slip_core.types import JointSample
 from slip_sim_bridge.session import BridgeSession
-from slip_vic_controller.safety.conditions import Reason
-from test.campaigns.faults.plan import BRIDGE, CONTROLLER, JOINT, SLIP, WRENCH, Plan
+from test.campaigns.faults.plan import BRIDGE, CONTROLLER, JOINT, SLIP, WRENCH, Plan, make_plan
 from test.campaigns.faults.plan import Fault as Planned
 from test.campaigns.faults.trial import PERIOD_S, START_NS, STEADY_NS, prepared, run_trial
 from test.support.one_arm import OneArm
@@ -19,8 +19,8 @@ STEP = PERIOD_S * 1000.0  # [N m]: what the default slope allows in a control pe
 class Loop:
     """Bridge and controller without topics, by virtual steady time."""
 
-    def __init__(self, drive: str = "ideal") -> None:
-        scenario, self.law = prepared("paper_planar", True, "vic", drive=drive)
+    def __init__(self) -> None:
+        scenario, self.law = prepared("paper_planar", True, "vic")
         assert scenario.controller.safety.limits.effort_rate * PERIOD_S == STEP
         self.bridge = BridgeSession(scenario.bridges, scenario.urdfs)
         self.bridge.start_at(START_NS)
@@ -40,24 +40,17 @@ class Loop:
     def cycle(self, joint: JointSample) -> np.ndarray:
         """Answer a joint state, advance the bridge, and return the effort."""
         self.controller.add_joint(joint, self.now_ns)
-        self.fault = Reason(self.controller.state.joint.pending_fault)
         result = self.controller.cycle(self.now_ns)
         assert result is not None
         self.bridge.advance([result.command])
         self.now_ns += round(1e9 * PERIOD_S)
         return result.command.numbers
 
-    def run(self, ticks: int) -> np.ndarray:
-        """Run and return the last effort."""
-        for _ in range(ticks):
-            effort = self.cycle(self.observe())
-        return effort
-
 
 def test_restart_in_motion_makes_no_step() -> None:
     """The new controller knows nothing; its first command differs from the last one by no more than one step."""
     loop = Loop()
-    before = loop.run(150)
+    before = [loop.cycle(loop.observe()) for _ in range(150)][-1]
     joint = loop.observe()
     assert np.abs(joint.velocity).max() > 0.05, "the arm must move for this test to mean something"
     loop.bridge.advance([None])
@@ -85,3 +78,11 @@ def test_law_resumes_after_stall() -> None:
             assert outcome.modes["DEGRADED" if target == WRENCH else "HOLD"] > 0 or target == SLIP, stall
             assert outcome.recovery_s is not None, stall
             assert outcome.recovery_s < resumes_s + 3 * PERIOD_S, stall
+
+
+@pytest.mark.parametrize("trial", [826, 856])
+def test_limiter_restarts_after_a_cycle_without_a_command(trial: int) -> None:
+    """A clock that jumps back: no command for a cycle, and then none that steps by the time of the pause."""
+    plan = make_plan(20261201, trial)
+    assert "clock_jump" in {fault.kind for fault in plan.faults}
+    assert run_trial(plan).violations == ()

@@ -8,21 +8,16 @@ import numpy as np
 import pytest
 
 from slip_core.records import record
-from slip_vic_controller.safety.conditions import Reason
-from slip_vic_controller.safety.modes import Mode, Request
+from slip_vic_controller.safety.conditions import Mode, Reason, Request
 from slip_vic_controller.session.cycle_result import Health
-from slip_vic_controller.session.manifest import Manifest
+from slip_vic_controller.session.session import Manifest
 from slip_vic_controller.state import CONFIG
 from test.support.law_cases import reference_of
-from test.support.made_up import MS, MadeUp, N, law_at_work
+from test.support.made_up import CALM, MS, MadeUp, N, law_at_work
 
 PATH = {
     "trajectory__kind": "quintic", "trajectory__displacement": (0.1, -0.05, 0.02),
     "trajectory__rotation": (0.0, 0.2, 0.1), "trajectory__duration_s": 2.0, "trajectory__start_s": 0.05,
-}  # fmt: skip
-CALM = {
-    "safety__load__drop_speed": 1e3, "safety__limits__error_linear": 100.0,
-    "safety__limits__error_angular": 100.0,
 }  # fmt: skip
 STILL = {"joint": {"velocity": np.zeros(N)}, "slip": np.zeros(6)}
 CLOSE = 1e-8  # [m]: what is lost of the path is counted in whole nanoseconds
@@ -48,7 +43,7 @@ class Path:
             result = self.made_up.run(1, **{**STILL, **given})
             self.modes.append(result.mode)
             sigma = float(result.record.path_scale)
-            if result.ok:
+            if result.record.ok:
                 self.path_s += 0.001 * sigma
                 planned, found = self.planned(self.path_s), result.record.reference
                 rate = float(self.made_up.session.task.path.rate)
@@ -121,7 +116,7 @@ def test_silence_leads_to_gravity_compensation() -> None:
         assert wait(made_up, age_ns) is None  # not longer than the age limit
         first = wait(made_up, 1)
         assert first is not None
-        assert (first.mode, first.reason, first.ok) == (Mode.HOLD, "joint state is silent", False)
+        assert (first.mode, first.reason, first.record.ok) == (Mode.HOLD, "joint state is silent", False)
         gravity = made_up.session.state.law.gravity[:N].copy()
         efforts = [last.command.numbers, first.command.numbers]
         assert np.abs(efforts[0] - gravity).max() > 6.0
@@ -142,7 +137,8 @@ def test_silence_leads_to_gravity_compensation() -> None:
         made_up.session.request(Request.HOLD)
         asked = wait(made_up, 4 * MS)
         assert asked is not None
-        assert asked.reason == "hold requested; joint state is silent"
+        assert (asked.reason, asked.mode) == ("joint state is silent", Mode.HOLD)
+        assert made_up.session.state.mode.enabled == 0
 
 
 # -- lockstep -----------------------------------------------------------------------------------------

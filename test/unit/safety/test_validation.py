@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from slip_core.records import record
-from slip_vic_controller.params.safety_params import SafetyParams
+from slip_vic_controller.params.controller_params import SafetyParams
 from slip_vic_controller.safety.conditions import Reason
 from slip_vic_controller.safety.validation import ACCEPT_AFTER, vector_validity
 from slip_vic_controller.session.arrival import receive_joint_state, receive_slip, receive_wrench
@@ -29,9 +29,9 @@ class Validation:
         self.buffer = controller.new_state()[TASK_SIZE:][:ARM_SIZE]
         self.state = record(self.buffer, ARM_STATE)
 
-    def joint(self, stamp_ns: int, q, qd, now_ns: int) -> Reason:
+    def joint(self, stamp_ns: int, q, qd, now_ns: int, refused: bool = False) -> Reason:
         q, qd = np.array(q, dtype=float), np.array(qd, dtype=float)
-        args = (stamp_ns, q, qd, np.zeros(N), False, now_ns, self.lockstep)
+        args = (stamp_ns, q, qd, np.zeros(N), refused, now_ns, self.lockstep)
         return Reason(receive_joint_state(self.config, self.buffer, *args))
 
     def vector(self, is_slip: bool, stamp_ns: int, values, now_ns: int) -> Reason:
@@ -52,7 +52,7 @@ class Validation:
         ({"q": np.nan}, Reason.NOT_FINITE), ({"qd": np.inf}, Reason.NOT_FINITE), ({"q": 10.0}, Reason.ABSURD),
         ({"qd": 1e3}, Reason.ABSURD), ({"stamp_ns": -MS}, Reason.OUT_OF_ORDER),
         ({"stamp_ns": 0}, Reason.OUT_OF_ORDER), ({"stamp_ns": 10**9}, Reason.CLOCK_JUMP), ({"q": 0.3}, Reason.JUMP),
-        ({}, Reason.NONE),
+        ({"refused": 1.0}, Reason.REFUSED), ({}, Reason.NONE),
     ],
 )  # fmt: skip
 def test_joint_state_faults(change: dict[str, float], fault: Reason) -> None:
@@ -63,7 +63,7 @@ def test_joint_state_faults(change: dict[str, float], fault: Reason) -> None:
     one = np.arange(N) == 2
     q = POSITION + 1e-6 + np.where(one, change.get("q", 0.0), 0.0)
     qd = np.where(one, change.get("qd", 0.0), 0.0)
-    assert v.joint(stamp_ns, q, qd, now_ns) == fault
+    assert v.joint(stamp_ns, q, qd, now_ns, "refused" in change) == fault
     assert v.state.joint.counts[fault] == (0 if fault == Reason.NONE else 1)
     kept = fault == Reason.NONE
     assert v.state.joint.last.stamp_ns == (stamp_ns if kept else at(4)[0])

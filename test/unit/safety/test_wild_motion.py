@@ -10,8 +10,7 @@ import pytest
 
 from slip_core.errors import InputError
 from slip_core.types import CartesianReference, PoseGoal
-from slip_vic_controller.safety.conditions import Reason
-from slip_vic_controller.safety.modes import Mode, Request
+from slip_vic_controller.safety.conditions import Mode, Reason, Request
 from test.support.made_up import MadeUp, N, law_at_work
 from test.support.one_arm import OneArm
 

@@ -1,7 +1,7 @@
 """YAML of unknown origin as plain values: bounded in depth, and without aliases, as ROS has it too.
 
 PyYAML follows YAML 1.1, where ``yes`` is true and ``1:30`` is 90. What YAML 1.2 has as text is text here too; tags and
-a key that stands twice in a mapping are refused.
+a key that occurs twice in a mapping are refused.
 
 PyYAML builds values by recursion in C, which ends the process where a text is nested deeply enough; and a list of
 aliases to lists of aliases is larger than any memory.
@@ -25,13 +25,13 @@ class _Loader(_LOADER):  # type: ignore[misc]
     yaml_implicit_resolvers: Any = {}  # noqa: RUF012 - PyYAML's
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        """Return a mapping as PyYAML does, where no key stands in it twice."""
+        """Return a mapping as PyYAML does, if it has no duplicate key."""
         known = set[tuple[str, str]]()
         for key, _ in node.value:
             name = key.tag, str(key.value)
             if name in known:
                 raise yaml.constructor.ConstructorError(
-                    problem=f"{key.value} stands twice", problem_mark=key.start_mark
+                    problem=f"the key {key.value} twice", problem_mark=key.start_mark
                 )
             known.add(name)
         made: dict[Any, Any] = super().construct_mapping(node, deep)
@@ -48,7 +48,7 @@ for _tag, _pattern, _first in (
 
 
 class Doubtful(str):
-    """A plain scalar that only YAML 1.1 takes for a number or a truth: text that knows its line."""
+    """A plain scalar that only YAML 1.1 reads as a number or a boolean: text with its line."""
 
     __slots__ = ("line",)
     line: int
@@ -69,7 +69,7 @@ yaml.representer.SafeRepresenter.add_representer(Doubtful, lambda dumper, text: 
 
 
 def read_yaml(text: str) -> Any:
-    """Return what a YAML text says, as plain values only.
+    """Return the content of a YAML text, as plain values only.
 
     Raises:
         yaml.YAMLError: not YAML, ambiguous, nested too deeply, or with tags or aliases.
@@ -79,7 +79,7 @@ def read_yaml(text: str) -> Any:
 
 
 def parse_json(text: str) -> Any:
-    """Return what a JSON text of unknown origin says.
+    """Return the content of a JSON text of unknown origin.
 
     Raises:
         ValueError: not JSON, nested too deeply, or with an integer of thousands of digits.

@@ -29,9 +29,9 @@ NESTED = 50
 """Bounds of a text in characters, of a tree in joints from its base to a tip, and of elements inside each other: beyond
 any robot, and below what Pinocchio and MuJoCo support, whose recursions end the process on a chain of 5,000 links."""
 
-_KEPT = ("link", "joint")
 _MEASURED = ("origin", "mass", "inertia", "axis", "limit")
 _IN_FIXED_JOINT = ("parent", "child", "origin")
+_IN_MOVING_JOINT = (*_IN_FIXED_JOINT, "axis", "limit", "dynamics")
 PLACED = "placed_base"
 
 
@@ -49,7 +49,7 @@ def parse_urdf(text: str) -> Element:
     try:
         root = ElementTree.fromstring(text)
     except ElementTree.ParseError as error:
-        raise InputError("robot_description", got=text.strip()[:40], expected="a URDF", fix=str(error)) from None
+        raise InputError("robot_description", got=text[:40] or "nothing", expected="a URDF", fix=str(error)) from None
     if root.tag != "robot":
         raise InputError("robot_description", got=f"<{root.tag}>", expected="a URDF, whose root is <robot>")
     level = [root]
@@ -79,9 +79,9 @@ def _check_numbers(part: Element) -> None:
                 with contextlib.suppress(ValueError):  # `numbers_of` names what is none where it is used
                     if not (math.isfinite(float(word)) and abs(float(word)) <= bound):
                         what = f"URDF {part.tag} {part.get('name')}"
-                        raise InputError(
-                            what, got=f'<{element.tag} {key}="{text}">', expected=f"finite numbers, at most {bound:g}"
-                        )
+                        most = f", at most {bound:g}" if bound < math.inf else ""
+                        got = f'<{element.tag} {key}="{text}">'
+                        raise InputError(what, got=got, expected=f"finite numbers{most}")
 
 
 def base_of(root: Element) -> str:
@@ -174,32 +174,24 @@ def moving(joints: Sequence[Element]) -> list[str]:
     return [str(joint.get("name")) for joint in joints if joint.get("type") != "fixed"]
 
 
-def placed_urdf(text: str, position: Sequence[float], rotation: Sequence[float]) -> str:
-    """Return a URDF whose root stands at a pose in the world: a new root link `placed_base` and a fixed joint.
-
-    Args:
-        text: URDF.
-        position: of its root (3,) [m].
-        rotation: rotation vector of its root (3,) [rad].
+def on_base(text: str, base: BaseParams) -> str:
+    """Return a URDF with its root at a base: a new root link and a fixed joint; the text itself if that is the origin.
 
     Raises:
-        InputError: as `parse_urdf`, or no single root link.
+        InputError: as `parse_urdf`.
     """
+    if not any((*base.position, *base.rotation)):
+        return text
     robot = parse_urdf(text)
-    base = base_of(robot)
+    root = base_of(robot)
     ElementTree.SubElement(robot, "link", name=PLACED)
     joint = ElementTree.SubElement(robot, "joint", name=f"{PLACED}_joint", type="fixed")
     ElementTree.SubElement(joint, "parent", link=PLACED)
-    ElementTree.SubElement(joint, "child", link=base)
-    numbers = " ".join(repr(float(x)) for x in position)
-    angles = " ".join(repr(x) for x in _roll_pitch_yaw(*rotation))
+    ElementTree.SubElement(joint, "child", link=root)
+    numbers = " ".join(repr(x) for x in base.position)
+    angles = " ".join(repr(x) for x in _roll_pitch_yaw(*base.rotation))
     ElementTree.SubElement(joint, "origin", xyz=numbers, rpy=angles)
     return ElementTree.tostring(robot, encoding="unicode")
-
-
-def on_base(text: str, base: BaseParams) -> str:
-    """Return a URDF whose root stands where a base is; the text itself where that is the origin."""
-    return placed_urdf(text, base.position, base.rotation) if any((*base.position, *base.rotation)) else text
 
 
 def _roll_pitch_yaw(x: float, y: float, z: float) -> tuple[float, float, float]:
@@ -245,27 +237,25 @@ def usable_urdf(text: str, ee_frame: str, joint_names: Sequence[str]) -> str:
             joint.set("type", "revolute")
             for end, value in (("lower", -NO_LIMIT), ("upper", NO_LIMIT)):
                 joint.find("limit").set(end, f"{value:g}")  # type: ignore[union-attr]  # `_check_limits` has seen it
-        for mimic in joint.findall("mimic"):
-            joint.remove(mimic)
+        _keep(joint, _IN_MOVING_JOINT)
     moved = {one for group in carried.values() for one in group}
     for name, link in links.items():
-        unused, found = [*link.findall("visual"), *link.findall("collision")], inertial(link)
-        if name not in moved and found is not None and not (found[0] >= 0.0 and is_physical(found[1])):
-            unused += link.findall("inertial")
-        for part in unused:
-            link.remove(part)
-    for element in list(root):
-        if element.tag not in _KEPT:
-            root.remove(element)
+        mass, inertia = inertial(link) or (-1.0, np.zeros((3, 3)))
+        _keep(link, ("inertial",) if name in moved or (mass >= 0.0 and is_physical(inertia)) else ())
+    _keep(root, ("link", "joint"))
     return ElementTree.tostring(root, encoding="unicode")
 
 
 def fix(joint: Element) -> None:
     """Make a joint a fixed one, where it is 0."""
     joint.set("type", "fixed")
-    for part in list(joint):
-        if part.tag not in _IN_FIXED_JOINT:
-            joint.remove(part)
+    _keep(joint, _IN_FIXED_JOINT)
+
+
+def _keep(element: Element, tags: Sequence[str]) -> None:
+    for part in list(element):
+        if part.tag not in tags:
+            element.remove(part)
 
 
 def _check_names(carrying: list[str], movable: list[str], ee_frame: str, names: Sequence[str]) -> None:
@@ -284,6 +274,8 @@ def _check_limits(joint: Element) -> None:
         InputError: with the joint's name.
     """
     name, kind, limit = joint.get("name"), joint.get("type"), joint.find("limit")
+    if not any(numbers_of(joint.find("axis"), "xyz", (1.0, 0.0, 0.0))):
+        raise InputError(f"URDF joint {name}", got="an <axis> of length 0", expected="a direction")
     keys = ("lower", "upper", "effort", "velocity")
     lower, upper, effort, velocity = (numbers_of(limit, key, (0.0,))[0] for key in keys)
     if kind in MOVING and effort > 0.0 and velocity > 0.0 and (kind == "continuous" or lower < upper):

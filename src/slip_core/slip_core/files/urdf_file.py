@@ -87,7 +87,7 @@ def _declared(declarations: Iterable[Any], given: Mapping[str, str]) -> str:
 
 @contextlib.contextmanager
 def _finding(module: object) -> Iterator[None]:
-    """Let ``$(find NAME)`` go to `find_file`: xacro itself asks ament alone, which a wheel need not have."""
+    """Let ``$(find NAME)`` go to `find_file`: xacro itself uses only ament, which may be missing beside a wheel."""
 
     def find(name: str) -> str:
         return str(find_file(f"package://{name}"))

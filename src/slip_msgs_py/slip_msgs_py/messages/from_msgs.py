@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from slip_core.arrays import Array, matrix_from_quat_xyzw, readonly
+from slip_core.arrays import Array, matrix_from_quat_xyzw
 from slip_core.errors import InputError
-from slip_core.stamps import NS_PER_S
+from slip_core.stamps import NS_PER_S, stamp_to_ns
 from slip_core.topics import WORLD
 from slip_core.types import (
     CartesianReference,
@@ -20,16 +19,15 @@ from slip_core.types import (
     JointSample,
     PoseGoal,
     SlipSample,
+    WrenchSample,
 )
 
 if TYPE_CHECKING:  # the fields are the same, whether ROS or a bag reader decodes
     from geometry_msgs.msg import PoseStamped, TwistStamped, Vector3, WrenchStamped
     from sensor_msgs.msg import JointState
-    from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
+    from trajectory_msgs.msg import MultiDOFJointTrajectory
 
-Sample = TypeVar("Sample")
 FLAG_UP = 0.5
-JOINT_FIELDS = ("position", "velocity", "effort")
 LEAST_NORM = 1e-6
 
 
@@ -40,7 +38,7 @@ def vector6(linear: Vector3, angular: Vector3) -> Array:
 
 @functools.lru_cache
 def joint_indices(joints: tuple[str, ...], names: tuple[str, ...]) -> list[int]:
-    """Return where each of the joints stands among the names of a JointState.
+    """Return the index of each joint among the names of a JointState.
 
     Raises:
         InputError: where a joint is missing or named twice.
@@ -53,102 +51,105 @@ def joint_indices(joints: tuple[str, ...], names: tuple[str, ...]) -> list[int]:
     return [names.index(joint) for joint in joints]
 
 
-def joint_samples(message: JointState, joints: tuple[str, ...]) -> Callable[[int, Array, Array, Array], JointSample]:
-    """Check names and sizes of a JointState; return what makes samples of (stamp_ns, position, velocity, effort).
-
-    Velocities that the message leaves out are NaN, efforts are zero.
+def joint_sample(message: JointState, joints: tuple[str, ...]) -> JointSample:
+    """Return positions, velocities and efforts of the joints; those left out: velocities NaN, efforts zero.
 
     Raises:
         InputError: wrong names, or arrays shorter than the names.
     """
-    pick = _picker(joint_indices(joints, tuple(message.name)))
-    count = len(message.name)
+    stamp_ns, index, count = stamp_of(message), joint_indices(joints, tuple(message.name)), len(message.name)
     if len(message.position) != count or len(message.velocity) not in (0, count):
         raise InputError(
             "joint state",
             got=f"{count} names, {len(message.position)} positions, {len(message.velocity)} velocities",
             expected="one position per name, and one velocity or none at all",
         )
-    size = len(joints)
-    no_effort = readonly(np.zeros(size)) if len(message.effort) != count else None
-    no_velocity = readonly(np.full(size, np.nan)) if len(message.velocity) != count else None
-
-    def make(stamp_ns: int, position: Array, velocity: Array, effort: Array) -> JointSample:
-        measured = pick(velocity) if no_velocity is None else no_velocity
-        return JointSample(stamp_ns, pick(position), measured, pick(effort) if no_effort is None else no_effort)
-
-    return make
+    position, velocity, effort = map(np.array, (message.position, message.velocity, message.effort))
+    return JointSample(
+        stamp_ns,
+        position[index],
+        velocity[index] if len(velocity) else np.full(len(joints), np.nan),
+        effort[index] if len(effort) == count else np.zeros(len(joints)),
+    )
 
 
-def joint_commands(
-    message: JointState, joints: tuple[str, ...], interface: CommandInterface
-) -> Callable[[int, Array, Array, Array], JointCommand]:
-    """Check names and sizes of a command; return what makes commands of (stamp_ns, position, velocity, effort).
-
-    interface: which of the three counts. No number at all means "no command for this stamp".
+def joint_command(message: JointState, joints: tuple[str, ...], interface: CommandInterface) -> JointCommand:
+    """Return what one interface of the joints is commanded; no number at all means "no command for this stamp".
 
     Raises:
         InputError: wrong names, or not one number per name.
     """
-    index, count = joint_indices(joints, tuple(message.name)), len(getattr(message, interface))
-    if count not in (0, len(message.name)):
-        raise InputError(
-            f"{interface} command", got=f"{len(message.name)} names, {count} numbers", expected="one number per name"
-        )
-    pick = _picker(index if count else [])
-    which = JOINT_FIELDS.index(interface)
-    return lambda stamp_ns, *fields: JointCommand(stamp_ns, pick(fields[which]), interface)
+    index, numbers = joint_indices(joints, tuple(message.name)), np.array(getattr(message, interface))
+    if len(numbers) not in (0, len(message.name)):
+        got = f"{len(message.name)} names, {len(numbers)} numbers"
+        raise InputError(f"{interface} command", got=got, expected="one number per name")
+    return JointCommand(stamp_of(message), numbers[index] if len(numbers) else numbers, interface)
 
 
-def _picker(index: list[int]) -> Callable[[Array], Array]:
-    """Return what puts numbers into order; where they are in order it hands them on."""
-    in_order = index == list(range(len(index)))
-    return lambda values: values if in_order and len(values) == len(index) else values[index]
+def stamp_of(message: JointState | WrenchStamped | TwistStamped | PoseStamped) -> int:
+    """Return the stamp of a message [ns].
+
+    Raises:
+        InputError: nanoseconds of a second or more, which could not be sent back.
+    """
+    stamp = message.header.stamp
+    if stamp.nanosec >= NS_PER_S:
+        got = f"{stamp.nanosec} nanoseconds"
+        raise InputError("stamp", got=got, expected="less than a second of them")
+    return stamp_to_ns(stamp)
 
 
-def in_frame(
-    message: WrenchStamped | TwistStamped | PoseStamped, *, frame: str, make: Callable[[int, Array], Sample]
-) -> Callable[[int, Array], Sample]:
-    """Check the frame of a stamped message, where it names one; return what makes samples of (stamp_ns, numbers).
+def check_frame(message: WrenchStamped | TwistStamped, frame: str, fix: str = "") -> None:
+    """Check the frame of a stamped message, where it names one; fix: what sets `frame`.
 
     Raises:
         InputError: another frame; nothing here knows how to turn it.
     """
     if message.header.frame_id not in ("", frame):
-        raise InputError("frame_id", got=message.header.frame_id, expected=frame)
-    return make
+        raise InputError("frame_id", got=message.header.frame_id, expected=frame, fix=fix)
 
 
-def slip_sample(stamp_ns: int, twist: Array) -> SlipSample:
-    """Return the slip velocity; invalid where any number is not finite."""
-    return SlipSample(stamp_ns, twist, valid=bool(np.isfinite(twist).all()))
+def wrench_sample(message: WrenchStamped, frame: str) -> WrenchSample:
+    """Return a wrench in the axes of `frame`; raises as `check_frame` and `stamp_of` do."""
+    check_frame(message, frame, "set wrench.frame, where that is a link of the URDF")
+    return WrenchSample(stamp_of(message), vector6(message.wrench.force, message.wrench.torque))
 
 
-def displacement_sample(stamp_ns: int, pose: Array) -> DisplacementSample:
-    """Return the slip displacement; invalid where any number is not finite or the quaternion has no length."""
+def slip_velocity(message: TwistStamped, frame: str) -> SlipSample:
+    """Return a slip velocity in the axes of `frame`, invalid where any number is not finite.
+
+    Raises as `check_frame` and `stamp_of` do.
+    """
+    check_frame(message, frame)
+    twist = vector6(message.twist.linear, message.twist.angular)
+    return SlipSample(stamp_of(message), twist, valid=bool(np.isfinite(twist).all()))
+
+
+def slip_displacement(message: PoseStamped) -> DisplacementSample:
+    """Return a slip displacement, invalid where any number is not finite or the quaternion has no length.
+
+    Raises as `stamp_of` does.
+    """
+    place, turn = message.pose.position, message.pose.orientation
+    pose = np.array([place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w])
     valid = bool(np.isfinite(pose).all() and np.linalg.norm(pose[3:]) > LEAST_NORM)
-    return DisplacementSample(stamp_ns, pose, valid)
+    return DisplacementSample(stamp_of(message), pose, valid)
 
 
-def slip_flag(stamp_ns: int, flags: Array) -> SlipSample:
-    """Return flags of slip as a slip sample: all ones where any is up, zeros where none is.
+def slip_flags(message: JointState) -> SlipSample:
+    """Return the flags in the position field of a JointState as a slip sample: all ones where any is up, else zeros.
 
     What is not known (NaN) is not "no slip": where nothing else is known, or no flag is there, the sample is invalid.
-    """
-    known = flags[np.isfinite(flags)]
-    return SlipSample(stamp_ns, np.full(6, float((known > FLAG_UP).any())), valid=len(known) > 0)
-
-
-def flag_samples(message: JointState) -> Callable[[int, Array], SlipSample]:
-    """Check that a JointState has a position per name; return what makes samples of (stamp_ns, positions).
 
     Raises:
-        InputError: it has not.
+        InputError: not one per name; or the stamp is refused by `stamp_of`.
     """
     if len(message.position) != len(message.name):
         got = f"{len(message.name)} names, {len(message.position)} positions"
         raise InputError("slip flag", got=got, expected="one position per name: 1 slips, 0 holds, NaN unknown")
-    return slip_flag
+    known = [flag for flag in message.position if np.isfinite(flag)]
+    slips = any(flag > FLAG_UP for flag in known)
+    return SlipSample(stamp_of(message), np.full(6, float(slips)), valid=len(known) > 0)
 
 
 def cartesian_reference(message: MultiDOFJointTrajectory) -> CartesianReference:
@@ -173,7 +174,7 @@ def cartesian_reference(message: MultiDOFJointTrajectory) -> CartesianReference:
         rotation=matrix_from_quat_xyzw(quat),
         twist=twist,
         acceleration=acceleration,
-        stamp_ns=message.header.stamp.sec * NS_PER_S + message.header.stamp.nanosec,
+        stamp_ns=stamp_to_ns(message.header.stamp),
     )
 
 
@@ -215,18 +216,3 @@ def pose_goal(message: MultiDOFJointTrajectory, duration_s: float) -> PoseGoal:
     if not duration > 0.0:
         raise InputError("goal: time_from_start", got=f"{duration:g} s", expected="more than 0")
     return PoseGoal(reference.position, reference.rotation, duration)
-
-
-def joint_trajectory(message: JointTrajectory) -> tuple[Array, Array, tuple[str, ...]]:
-    """Return times (m,) [s], positions (m, n) [rad] and joint names of a JointTrajectory.
-
-    Raises:
-        InputError: a point without a position per joint.
-    """
-    names, points = tuple(message.joint_names), message.points
-    for number, point in enumerate(points, 1):
-        if len(point.positions) != len(names):
-            got = f"{len(point.positions)} positions in point {number}"
-            raise InputError("joint trajectory", got=got, expected=f"{len(names)}, one per joint name")
-    times = [point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec for point in points]
-    return np.array(times), np.array([point.positions for point in points]), names

@@ -1,24 +1,103 @@
-"""Value objects to the numbers of a message (`forms`), and to the stock messages that are not sent each tick."""
+"""Value objects to messages: the forms that are sent each tick, each described once, and typed messages."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from array import array
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from copy import deepcopy
+from dataclasses import dataclass
+from operator import attrgetter
+from typing import Any, Final
 
 import numpy as np
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from geometry_msgs.msg import Transform, Twist
-from std_msgs.msg import Header, String
+from geometry_msgs.msg import PoseStamped, Transform, Twist, TwistStamped, WrenchStamped
+from nav_msgs.msg import Odometry
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64, Float64MultiArray, Header, Int64MultiArray, String
 from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
 
 from slip_core import poses
 from slip_core.arrays import Array, readonly
 from slip_core.stamps import split_ns
 from slip_core.topics import WORLD
-from slip_core.types import CartesianReference, ObjectTruth, SlipSample
-from slip_msgs_py.messages.cdr import put_numbers
+from slip_core.types import CartesianReference, SlipSample
 
 _INVALID = readonly(np.full(6, np.nan))
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """One form of message.
+
+    template: a typed message with what is the same in all of them.
+    fields: paths of the numbers that vary.
+    stamp: path of the stamp; empty where the message has none.
+    dtype: of the numbers, float64 or int64.
+    """
+
+    template: Any
+    fields: tuple[str, ...]
+    stamp: str = "header.stamp"
+    dtype: str = "<f8"
+
+    def message(self, stamp_ns: int, *numbers: Iterable[Any]) -> Any:
+        """Return the typed message; one array of numbers per field."""
+        message = deepcopy(self.template)
+        if self.stamp:
+            put_numbers(message, self.stamp, split_ns(stamp_ns))
+        for path, values in zip(self.fields, numbers, strict=True):
+            put_numbers(message, path, values)
+        return message
+
+
+def put_numbers(message: object, path: str, values: Iterable[Any]) -> None:
+    """Write numbers to `path` of a typed message, in the order of its fields; a sequence takes all that are left."""
+    owner, _, name = path.rpartition(".")
+    _put(attrgetter(owner)(message) if owner else message, name, iter(values))
+
+
+def _put(owner: Any, name: str, values: Iterator[Any]) -> None:
+    old = getattr(owner, name)
+    if hasattr(old, "get_fields_and_field_types"):
+        for field in old.get_fields_and_field_types():
+            _put(old, field, values)
+    elif isinstance(old, int | float):
+        setattr(owner, name, type(old)(next(values)))
+    else:
+        setattr(owner, name, array(old.typecode, values))
+
+
+def joint_state(names: Sequence[str], *fields: str) -> Form:
+    """Positions [rad], velocities [rad/s] and efforts [N m] of named joints, (n,) each; fields: those of them alone."""
+    return Form(JointState(name=list(names)), fields or ("position", "velocity", "effort"))
+
+
+def wrench(frame_id: str) -> Form:
+    """Six numbers with the named axes of a wrench; (6,) in the axes of `frame_id`."""
+    return Form(WrenchStamped(header=Header(frame_id=frame_id)), ("wrench",))
+
+
+def twist(frame_id: str) -> Form:
+    """A twist; (6,) [m/s, rad/s] in the axes of `frame_id`."""
+    return Form(TwistStamped(header=Header(frame_id=frame_id)), ("twist",))
+
+
+def pose(frame_id: str = WORLD) -> Form:
+    """A pose as position and quaternion x y z w; (7,) in `frame_id`."""
+    return Form(PoseStamped(header=Header(frame_id=frame_id)), ("pose",))
+
+
+ODOMETRY: Final = Form(Odometry(header=Header(frame_id=WORLD), child_frame_id="object"), ("pose.pose", "twist.twist"))
+"""The object's pose (7,) in `world` and twist (6,) in its own axes, as nav_msgs/Odometry defines it."""
+CLOCK: Final = Form(Clock(), (), stamp="clock")
+"""Simulation time."""
+NUMBER: Final = Form(Float64(), ("data",), stamp="")
+NUMBERS: Final = Form(Float64MultiArray(), ("data",), stamp="")
+WHOLE_NUMBERS: Final = Form(Int64MultiArray(), ("data",), stamp="", dtype="<i8")
+"""Without stamp."""
 
 
 def header(stamp_ns: int, frame_id: str) -> Header:
@@ -33,11 +112,11 @@ def string(text: str) -> String:
 
 
 def diagnostics(
-    stamp_ns: int, name: str, level: int, message: str, values: Mapping[str, object], hardware_id: str
+    stamp_ns: int, name: str, level: bytes, message: str, values: Mapping[str, object], hardware_id: str
 ) -> DiagnosticArray:
-    """Return one diagnostic status; level 0 OK, 1 WARN, 2 ERROR, 3 STALE; hardware_id: robot and arm."""
+    """Return one diagnostic status; level: of DiagnosticStatus; hardware_id: robot and arm."""
     status = DiagnosticStatus(
-        level=bytes([level]),
+        level=level,
         name=name,
         message=message,
         hardware_id=hardware_id,
@@ -70,8 +149,8 @@ def pose_numbers(position: Array, rotation: Array) -> Array:
     return numbers
 
 
-def odometry_numbers(truth: ObjectTruth) -> tuple[Array, Array]:
-    """Return the object's pose (7,) in `world` and its twist (6,) in object axes."""
+def odometry_numbers(position: Array, rotation: Array, twist: Array) -> tuple[Array, Array]:
+    """Return a body's pose (7,), and its twist on its own axes (6,); (3,) [m], (3, 3), (6,) [m/s, rad/s] {w}."""
     numbers = np.empty(13)
-    poses.odometry(truth.position, np.ascontiguousarray(truth.rotation), truth.twist, numbers)
+    poses.odometry(position, np.ascontiguousarray(rotation), twist, numbers)
     return numbers[:7], numbers[7:]

@@ -28,12 +28,13 @@ static volatile int stop = 0;
 static volatile std::sig_atomic_t signal_number = 0;
 static void on_signal(int number) { signal_number = number, stop = 1; }
 
-bool has_parent() {
+static bool has_parent() {
   const char *wanted = std::getenv("SLIP_VIC_EVENTS");
   return wanted != nullptr && std::strcmp(wanted, "1") == 0;
 }
 
-void emit(const char *kind, const std::string &values) {
+/* Tell the process that has started this one, where it listens, as environment.py; values: further fields of JSON. */
+static void emit(const char *kind, const std::string &values) {
   if (!has_parent()) return;
   std::printf("{\"event\": \"%s\"%s}\n", kind, values.c_str());
   std::fflush(stdout);
@@ -100,6 +101,7 @@ int main(int count, char **words) {
   if (count == 2 && (std::strcmp(words[1], "-h") == 0 || std::strcmp(words[1], "--help") == 0))
     return std::fputs(HELP, stdout), 0;
   for (const int number : {SIGINT, SIGTERM, SIGHUP}) std::signal(number, on_signal);
+  std::signal(SIGPIPE, SIG_IGN); /* who read the log may go: the arm does not notice */
   try {
     return run(count, words);
   } catch (const InputError &error) {

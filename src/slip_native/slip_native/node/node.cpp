@@ -24,12 +24,12 @@ static std::string of_contact(const std::string &name, int contact) {
 template <class Body, class Take>
 void ControllerNode::subscribe(const std::string &name, size_t depth, Take take) {
   const ros::Qos qos{settings_.lockstep, false, settings_.lockstep ? KEPT : depth};
-  const auto refuse = [this, name] { refusals_.add(name, "got bytes that are no message of its type, expected its type"); };
+  const auto refuse = [this, name] { refusals_.add(name, {"message", "bytes that are none", "one of its type"}); };
   const auto checked = [this, name, take](const Body &body) {
     try {
       take(body);
     } catch (const InputError &error) {
-      refusals_.add(name, error.what());
+      refusals_.add(name, error);
     }
   };
   inputs_.push_back(std::make_unique<ros::Subscription<Body, decltype(checked), decltype(refuse)>>(ros_, name, qos, checked, refuse));
@@ -69,7 +69,7 @@ ControllerNode::ControllerNode(ros::Node &ros, const Settings &settings)
   ros::check(rcl_wait_set_init(&set_, inputs_.size(), 0, 0, 0, services_.size(), 0, &ros.context, rcl_get_default_allocator()),
              "wait set");
   log_info(std::string("configured in ") + (settings.lockstep ? "lockstep" : "realtime"));
-  if (session_.config().models_wrench) log_warning("no wrench sensor (wrench.source: none): the load is the model's");
+  if (session_.config().models_wrench) log_warning("no wrench sensor (wrench.source: none): the load is modelled");
 }
 
 void ControllerNode::subscribe_contacts() {
@@ -144,9 +144,9 @@ std::pair<bool, std::string> ControllerNode::answer(int64_t request) {
   if (mode == SLIP_VIC_MODE_FAULT && request != SLIP_VIC_REQUEST_RESET_FAULT)
     return {false, "in FAULT: " + reports_.reason() + "; to continue call ~/reset_fault, then ~/enable"};
   if (request == SLIP_VIC_REQUEST_TARE && (mode == SLIP_VIC_MODE_ACTIVE || mode == SLIP_VIC_MODE_DEGRADED))
-    return {false, "the law is at work: call ~/hold first"};
+    return {false, "the law is active: call ~/hold first"};
   if (request == SLIP_VIC_REQUEST_TARE && session_.config().tare.duration_ns == 0)
-    return {false, "tare.duration_s is 0: sensors are used as they are"};
+    return {false, "tare.duration_s is 0: there is no tare"};
   session_.request(request);
   static const std::map<int64_t, std::string> names = {{SLIP_VIC_REQUEST_ENABLE, "enable"}, {SLIP_VIC_REQUEST_HOLD, "hold"},
                                                        {SLIP_VIC_REQUEST_RESET_FAULT, "reset_fault"},
@@ -228,7 +228,6 @@ void ControllerNode::announce_when_ready() {
   is_ready_ = true;
   ros::set(ready_.message->data, "controller");
   ready_.send();
-  emit("ready");
   log_info("matched: every input has a publisher, and the command has a subscriber");
 }
 

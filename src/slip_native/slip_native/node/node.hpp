@@ -14,9 +14,6 @@
 #include "samples.hpp"
 #include "session.hpp"
 
-/* Tell the process that has started this one, where it listens, as events.py; values: further fields of JSON. */
-void emit(const char *kind, const std::string &values = "");
-
 class ControllerNode {
  public:
   ControllerNode(ros::Node &ros, const Settings &settings);

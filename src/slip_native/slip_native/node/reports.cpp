@@ -15,19 +15,16 @@
 static const int64_t SYMBOLS_PERIOD_NS = 10'000'000, STATUS_PERIOD_NS = 1'000'000'000;
 enum Level : uint8_t { OK, WARN, ERROR };
 static const Level LEVELS[] = {WARN, WARN, OK, WARN, ERROR}; /* by mode */
-static const char *const TIMING_NAMES[] = {"period_s",  "input_age_s", "wrench_age_s", "slip_age_s",   "compute_s",
-                                           "latency_s", "overruns",    "missed",       "stale_wrench", "stale_slip"};
+static const char *const TIMING_NAMES[] = {"period_s",  "input_age_s", "wrench_age_s", "slip_age_s",
+                                           "compute_s", "latency_s",   "overruns",     "missed"};
 
 void log_info(const std::string &text) { RCUTILS_LOG_INFO_NAMED("slip_vic_controller", "%s", text.c_str()); }
 void log_warning(const std::string &text) { RCUTILS_LOG_WARN_NAMED("slip_vic_controller", "%s", text.c_str()); }
 void log_error(const std::string &text) { RCUTILS_LOG_ERROR_NAMED("slip_vic_controller", "%s", text.c_str()); }
 
-void Refusals::add(const std::string &topic, const std::string &why) {
+void Refusals::add(const std::string &topic, const InputError &error) {
   ++counts_[topic];
-  if (std::string &last = last_[topic]; last != why) {
-    last = why;
-    log_error(topic + ": message refused: " + why);
-  }
+  if (told_.emplace(topic, error.expected).second) log_error(topic + ": message refused: " + error.what());
 }
 
 static const ros::Qos LATCHED{true, true, 1}, EVERY{true, false, 10000};
@@ -54,14 +51,11 @@ Reports::Reports(ros::Node &ros, const Settings &settings, const Session &sessio
       refusals_(refusals),
       name_(std::string(rcl_node_get_fully_qualified_name(&ros.node)).substr(1)),
       scalars_(ros, "controller/scalars"),
-      stiffness_(ros, "controller/stiffness"),
-      damping_(ros, "controller/damping"),
       ee_pose_(ros, "controller/ee_pose"),
       reference_pose_(ros, "controller/reference_pose"),
-      reference_twist_(ros, "controller/reference_twist"),
       mode_(ros, "controller/mode", LATCHED),
       status_(ros, "/diagnostics", {true, false, 100}) {
-  publishers_ = {&scalars_, &stiffness_, &damping_, &ee_pose_, &reference_pose_, &reference_twist_};
+  publishers_ = {&scalars_, &ee_pose_, &reference_pose_};
   if (session.config().estimator.on) {
     joints_.emplace(ros, "controller/joint_estimate");
     ros::set(joints_->message->name, settings.joint_names);
@@ -72,14 +66,13 @@ Reports::Reports(ros::Node &ros, const Settings &settings, const Session &sessio
     ros::set(timing_->message->name, {std::begin(TIMING_NAMES), std::end(TIMING_NAMES)});
     publishers_.push_back(&*timing_);
   }
-  if (settings.external()) goal_.emplace(ros, "controller/goal", LATCHED);
+  if (settings.trajectory == "goal") goal_.emplace(ros, "controller/goal", LATCHED);
   const std::vector<std::string> names = names_of_symbols(settings.joint_names.size(), settings.governed());
   ros::set(scalars_.message->name, names);
   numbers_.resize(names.size());
-  for (auto *header : {&stiffness_.message->header, &damping_.message->header, &ee_pose_.message->header,
-                       &reference_pose_.message->header, &reference_twist_.message->header})
-    ros::set(header->frame_id, "world");
+  for (auto *header : {&ee_pose_.message->header, &reference_pose_.message->header}) ros::set(header->frame_id, "world");
   if (!diagnostic_msgs__msg__DiagnosticStatus__Sequence__init(&status_.message->status, 1)) throw std::bad_alloc();
+  ros::set(status_.message->status.data[0].name, name_ + ": mode");
   ros::set(status_.message->status.data[0].hardware_id, session.robot());
 }
 
@@ -113,42 +106,23 @@ void Reports::time(int64_t began_ns) {
     const int64_t stamp = oldest(ledger, settings_.contacts, of);
     return stamp == 0 ? std::nan("") : 1e-9 * static_cast<double>(stamp_ns - stamp);
   };
-  const double period_s = 1e-9 * static_cast<double>(period_ns), compute_s = 1e-9 * static_cast<double>(compute_ns);
-  const double latency_s = 1e-9 * static_cast<double>(wall_ns - stamp_ns), wrench_s = age_s(0), slip_s = age_s(1);
+  const double compute_s = 1e-9 * static_cast<double>(compute_ns);
+  const double latency_s = 1e-9 * static_cast<double>(wall_ns - stamp_ns);
   if (last_stamp_ns_ != 0) missed_ += std::max<int64_t>(0, (stamp_ns - last_stamp_ns_ + period_ns / 2) / period_ns - 1);
   const double since_s = last_began_ns_ == 0 ? std::nan("") : 1e-9 * static_cast<double>(began_ns - last_began_ns_);
   last_began_ns_ = began_ns, last_stamp_ns_ = stamp_ns;
   overruns_ += compute_ns > period_ns;
-  stale_wrench_ += wrench_s > period_s, stale_slip_ += slip_s > period_s;
-  longest_s_ = std::max(longest_s_, compute_s), latest_s_ = std::max(latest_s_, latency_s);
   const double numbers[] = {since_s,
                             latency_s - compute_s,
-                            wrench_s,
-                            slip_s,
+                            age_s(0),
+                            age_s(1),
                             compute_s,
                             latency_s,
                             static_cast<double>(overruns_),
-                            static_cast<double>(missed_),
-                            static_cast<double>(stale_wrench_),
-                            static_cast<double>(stale_slip_)};
+                            static_cast<double>(missed_)};
   ros::set(timing_->message->header.stamp, wall_ns);
   ros::set(timing_->message->position, numbers, std::size(numbers));
   timing_->send();
-  /* Half a period after the mode: both in one cycle would make the next one late. */
-  const int64_t period = (wall_ns + STATUS_PERIOD_NS / 2) / STATUS_PERIOD_NS;
-  if (period == timing_period_) return;
-  timing_period_ = period;
-  const int64_t late = overruns_ + missed_ - reported_;
-  reported_ += late;
-  publish_status(wall_ns, "timing", late ? WARN : OK,
-                 std::to_string(late) + " cycles overran or were missed since the last status",
-                 {{"compute_max_us", std::to_string(std::llround(1e6 * longest_s_))},
-                  {"latency_max_us", std::to_string(std::llround(1e6 * latest_s_))},
-                  {"overruns", std::to_string(overruns_)},
-                  {"missed", std::to_string(missed_)},
-                  {"stale_wrench", std::to_string(stale_wrench_)},
-                  {"stale_slip", std::to_string(stale_slip_)}});
-  longest_s_ = latest_s_ = 0.0;
 }
 
 /* -- mode ------------------------------------------------------------------------------------------------------- */
@@ -185,7 +159,7 @@ void Reports::publish_mode() {
   const bool near = out.ok && (out.law.near_singular_arm || out.law.near_singular_attitude);
   const bool saturated = std::any_of(std::begin(out.saturated), std::end(out.saturated), [](int64_t x) { return x; });
   const Level level = std::max(LEVELS[mode.mode], near || saturated ? WARN : OK);
-  publish_status(stamp_ns, "mode", level, reason.empty() ? name : reason, mode_values());
+  publish_status(stamp_ns, level, reason.empty() ? name : reason);
 }
 
 std::vector<std::pair<std::string, std::string>> Reports::mode_values() const {
@@ -213,15 +187,15 @@ std::vector<std::pair<std::string, std::string>> Reports::mode_values() const {
     count("wrench" + of, arm.wrench_inputs[k].counts, std::size(arm.wrench_inputs[k].counts));
     count("slip" + of, arm.slip_inputs[k].counts, std::size(arm.slip_inputs[k].counts));
   }
+  if (timing_) values.insert(values.end(), {{"overruns", std::to_string(overruns_)}, {"missed", std::to_string(missed_)}});
   for (const auto &[topic, refused] : refusals_.counts()) values.emplace_back(topic + " refused", std::to_string(refused));
   return values;
 }
 
-void Reports::publish_status(int64_t stamp_ns, const char *name, uint8_t level, const std::string &text,
-                             const std::vector<std::pair<std::string, std::string>> &values) {
+void Reports::publish_status(int64_t stamp_ns, uint8_t level, const std::string &text) {
   auto &status = status_.message->status.data[0];
+  const auto values = mode_values();
   ros::set(status_.message->header.stamp, stamp_ns);
-  ros::set(status.name, name_ + ": " + name);
   ros::set(status.message, text);
   status.level = level;
   diagnostic_msgs__msg__KeyValue__Sequence__fini(&status.values);
@@ -234,11 +208,6 @@ void Reports::publish_status(int64_t stamp_ns, const char *name, uint8_t level, 
 }
 
 /* -- the law ---------------------------------------------------------------------------------------------------- */
-
-static void put(geometry_msgs__msg__Vector3 &linear, geometry_msgs__msg__Vector3 &angular, const double *six) {
-  linear.x = six[0], linear.y = six[1], linear.z = six[2];
-  angular.x = six[3], angular.y = six[4], angular.z = six[5];
-}
 
 static void put(geometry_msgs__msg__Pose &to, const double *position, const double (*rotation)[3]) {
   const Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> R(rotation[0]);
@@ -274,15 +243,10 @@ void Reports::publish_symbols() {
     joints_->send();
   }
   if (!out.ok) return;
-  put(stiffness_.message->wrench.force, stiffness_.message->wrench.torque, symbols.K);
-  put(damping_.message->wrench.force, damping_.message->wrench.torque, symbols.D);
   put(ee_pose_.message->pose, session_.inputs().arm.position, session_.inputs().arm.rotation);
   put(reference_pose_.message->pose, out.reference.position, out.reference.rotation);
-  put(reference_twist_.message->twist.linear, reference_twist_.message->twist.angular, out.reference.twist);
-  for (auto *header : {&stiffness_.message->header, &damping_.message->header, &ee_pose_.message->header,
-                       &reference_pose_.message->header, &reference_twist_.message->header})
-    ros::set(header->stamp, stamp_ns);
-  stiffness_.send(), damping_.send(), ee_pose_.send(), reference_pose_.send(), reference_twist_.send();
+  for (auto *header : {&ee_pose_.message->header, &reference_pose_.message->header}) ros::set(header->stamp, stamp_ns);
+  ee_pose_.send(), reference_pose_.send();
 }
 
 /* -- goals ------------------------------------------------------------------------------------------------------ */
@@ -292,11 +256,11 @@ static std::string refusal(const SlipVic_Goal &goal) {
   switch (goal.refusal) {
     case SLIP_VIC_REFUSAL_TOO_HEAVY:
       std::snprintf(text, sizeof text,
-                    "friction cannot carry the object where its path is at %.3f s: holding the weight needs %.3f N, "
+                    "friction cannot carry the object at %.3f s of its path: holding the weight needs %.3f N, "
                     "friction can carry %.3f N", goal.where, goal.value, goal.limit);
       break;
     case SLIP_VIC_REFUSAL_TOO_FAR:
-      std::snprintf(text, sizeof text, "it is %.4g m away, at most %g are taken: check unit and frame", goal.value, goal.limit);
+      std::snprintf(text, sizeof text, "it is %.4g m away, the limit is %g: check unit and frame", goal.value, goal.limit);
       break;
     case SLIP_VIC_REFUSAL_TOO_FAST:
     case SLIP_VIC_REFUSAL_TURNS_TOO_FAST: {
@@ -305,7 +269,7 @@ static std::string refusal(const SlipVic_Goal &goal) {
       break;
     }
     default:
-      return "the law is not at work, see controller/mode";
+      return "the law is not active, see controller/mode";
   }
   return text;
 }
@@ -317,7 +281,7 @@ void Reports::publish_goals() {
     goal_refused_ = goal.refused;
     say("goal " + std::to_string(goal.refused) + " refused: " + refusal(goal));
   }
-  static const char *const phases[] = {"", "waits until the pad is at rest on the path that it is on", "is planned",
+  static const char *const phases[] = {"", "waits until the pad is at rest on its current path", "is planned",
                                        "moves", "reached"};
   const int64_t number = goal.phase == SLIP_VIC_GOALPHASE_STOPS ? goal.received : goal.number;
   if ((number != goal_number_ || goal.phase != goal_phase_) && goal.phase != SLIP_VIC_GOALPHASE_RESTS)

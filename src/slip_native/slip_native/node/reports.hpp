@@ -4,6 +4,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -15,15 +16,15 @@ void log_info(const std::string &text);
 void log_warning(const std::string &text);
 void log_error(const std::string &text);
 
-/* Counts refused messages by topic, and logs each new fault in one line. */
+/* Counts refused messages by topic, and logs each kind of fault once: what was got may differ in every message. */
 class Refusals {
  public:
-  void add(const std::string &topic, const std::string &why);
+  void add(const std::string &topic, const InputError &error);
   const std::map<std::string, int64_t> &counts() const { return counts_; }
 
  private:
   std::map<std::string, int64_t> counts_;
-  std::map<std::string, std::string> last_;
+  std::set<std::pair<std::string, std::string>> told_; /* topic, what was expected */
 };
 
 class Reports {
@@ -44,8 +45,7 @@ class Reports {
   void publish_mode();
   void publish_symbols();
   void publish_goals();
-  void publish_status(int64_t stamp_ns, const char *name, uint8_t level, const std::string &text,
-                      const std::vector<std::pair<std::string, std::string>> &values);
+  void publish_status(int64_t stamp_ns, uint8_t level, const std::string &text);
   std::vector<std::pair<std::string, std::string>> mode_values() const;
 
   const Settings &settings_;
@@ -53,19 +53,16 @@ class Reports {
   const Refusals &refusals_;
   std::string name_;
   ros::Publisher<sensor_msgs__msg__JointState> scalars_;
-  ros::Publisher<geometry_msgs__msg__WrenchStamped> stiffness_, damping_;
   ros::Publisher<geometry_msgs__msg__PoseStamped> ee_pose_, reference_pose_;
-  ros::Publisher<geometry_msgs__msg__TwistStamped> reference_twist_;
   ros::Publisher<std_msgs__msg__String> mode_;
   ros::Publisher<diagnostic_msgs__msg__DiagnosticArray> status_;
   std::optional<ros::Publisher<sensor_msgs__msg__JointState>> joints_, timing_;
   std::optional<ros::Publisher<std_msgs__msg__String>> goal_;
   std::vector<const ros::AnyPublisher *> publishers_;
   std::vector<double> numbers_;
-  int64_t symbols_period_ = -1, mode_period_ = -1, timing_period_ = -1;
+  int64_t symbols_period_ = -1, mode_period_ = -1;
   std::vector<int64_t> last_mode_;
   int64_t last_began_ns_ = 0, last_stamp_ns_ = 0;
-  int64_t overruns_ = 0, missed_ = 0, stale_wrench_ = 0, stale_slip_ = 0, reported_ = 0;
-  double longest_s_ = 0.0, latest_s_ = 0.0; /* since the last status */
+  int64_t overruns_ = 0, missed_ = 0;
   int64_t goal_number_ = 0, goal_phase_ = 0, goal_refused_ = 0;
 };

@@ -206,7 +206,7 @@ class AnySubscription {
     check(rcl_subscription_get_publisher_count(&subscription, &count), "publishers");
     return count;
   }
-  /* Handle the messages that wait. */
+  /* Handle messages that wait, no more than the queue holds: who floods a topic does not hold up the others. */
   virtual void handle() = 0;
 
   const std::string name; /* as in the table of topics */
@@ -223,7 +223,7 @@ class Subscription final : public AnySubscription {
   Subscription(Node &node, const std::string &name, Qos qos, Take take, Refuse refuse)
       : AnySubscription(node, Type<Body>::support(), name, qos), take_(take), refuse_(refuse) {}
   void handle() override {
-    for (;;) {
+    for (size_t left = rcl_subscription_get_options(&subscription)->qos.depth; left > 0; --left) {
       if (rcl_take(&subscription, &*message_, nullptr, nullptr) == RCL_RET_OK) {
         take_(*message_);
         continue;
@@ -261,7 +261,8 @@ class Trigger {
   template <class Answer>
   void handle(Answer answer) {
     rmw_request_id_t id;
-    while (rcl_take_request(&service, &id, &request_) == RCL_RET_OK) {
+    size_t left = rcl_service_get_options(&service)->qos.depth;
+    for (; left > 0 && rcl_take_request(&service, &id, &request_) == RCL_RET_OK; --left) {
       const auto [success, text] = answer();
       response_.success = success;
       set(response_.message, text);

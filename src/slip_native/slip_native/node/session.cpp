@@ -84,7 +84,7 @@ bool Session::watchdog(int64_t now_ns) {
   const bool changed = std::memcmp(&was.mode, &arm_->mode, sizeof was.mode) != 0 ||
                        std::memcmp(was.sent.effort, arm_->sent.effort, sizeof was.sent.effort) != 0 ||
                        std::memcmp(was.sent.velocity, arm_->sent.velocity, sizeof was.sent.velocity) != 0;
-  if (!changed) state_ = before_; /* the effort has come down to what holds the arm: it is not repeated for ever */
+  if (!changed) state_ = before_; /* the effort has come down to what holds the arm: it is not repeated permanently */
   return changed;
 }
 

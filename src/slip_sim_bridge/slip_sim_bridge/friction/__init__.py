@@ -15,8 +15,7 @@ if TYPE_CHECKING:  # the parameters are read, and a bad one is answered, before 
     import numpy as np
 
     from slip_core.arrays import Array
-    from slip_core.symmetric import Sym
-    from slip_core.vectors import Vec
+    from slip_core.vectors import Sym, Vec
 
 
 LAWS: Final = {"stribeck": "stribeck", "coulomb": "stribeck", "lugre": "lugre"}

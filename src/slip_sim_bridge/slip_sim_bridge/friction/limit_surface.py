@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 
 from slip_core.compiled import part
-from slip_core.symmetric import Sym, largest_eigenvalue
+from slip_core.vectors import Sym, largest_eigenvalue
 
 ROOT_MARGIN = 0.5  # |dF/ds| lambda_max(A_hat) of a sub-step; the slip speed is a unique root below 1
 MOST_SUBSTEPS = 64

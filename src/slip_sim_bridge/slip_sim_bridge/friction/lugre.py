@@ -7,7 +7,7 @@ alpha is 0 for |z| <= breakaway_fraction z_ss (Dupont, Hayward, Armstrong, Altpe
 there the contact is a pure spring, so that a vibration below that load moves it to and fro without drift, which the
 original LuGre model does not manage. Taking the slip rate along z_hat makes the planar model passive and turns the
 bristle towards the slip without shortening it; on a straight line both forms are the same. Steady sliding gives F(s)
-of the Stribeck curve. A load that swings above the break-away fraction creeps a little in every cycle.
+of the Stribeck curve. A load that oscillates above the break-away fraction creeps a little in every cycle.
 
 Backward Euler gives z' = kappa (z + dt u) with one unknown kappa in (0, 1], 1 = elastic. It is bounded,
 |z'| <= max(|z|, z_ss), at any step; a stiff bristle needs no small step.
@@ -19,8 +19,7 @@ import math
 
 from slip_core.compiled import part
 from slip_core.records import Real, Record, dtype_of
-from slip_core.symmetric import Sym, with_diagonal
-from slip_core.vectors import Vec
+from slip_core.vectors import Sym, Vec, with_diagonal
 from slip_sim_bridge.friction import stribeck
 from slip_sim_bridge.friction.params import FrictionParams
 

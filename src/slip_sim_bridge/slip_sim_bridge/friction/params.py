@@ -15,7 +15,7 @@ class LugreParams(ParameterModel):
     stiffness: float = parameter(1.0e5, "bristle stiffness sigma_0", unit="N/m", gt=0.0)
     damping: float = parameter(50.0, "bristle damping sigma_1", unit="N s/m", ge=0.0)
     breakaway_fraction: float = parameter(
-        0.95, "share of the static limit up to which the bristles are purely elastic", ge=0.0, lt=1.0
+        0.95, "fraction of the static limit up to which the bristles are purely elastic", ge=0.0, lt=1.0
     )
 
 
@@ -28,16 +28,13 @@ class FrictionParams(ParameterModel):
     stribeck_velocity: float = parameter(
         0.05, "speed at which friction has fallen to the kinetic level", unit="m/s", gt=0
     )
-    viscous: float = parameter(0.05, "friction force per slip speed, added to mu N", unit="N s/m", ge=0.0)
+    viscous: float = parameter(0.05, "viscous friction force per slip speed, added to mu N", unit="N s/m", ge=0.0)
     torsional_radius: float = parameter(0.03, "largest friction torque over largest friction force", unit="m", gt=0.0)
     falls_at_s: float = parameter(
-        0.0, "simulated time from which on `falls_to` of mu_s and mu_k is left", unit="s", ge=0
+        0.0, "simulated time at which mu_s and mu_k fall to the fraction falls_to", unit="s", ge=0
     )
     falls_to: float = parameter(
-        1.0,
-        "share of mu_s and mu_k that is left from `falls_at_s` on: a pad that comes upon a greasy spot",
-        ge=0.0,
-        le=1.0,
+        1.0, "fraction of mu_s and mu_k that remains from falls_at_s on, as on a greasy spot", ge=0.0, le=1.0
     )
     lugre: LugreParams = LugreParams()
 

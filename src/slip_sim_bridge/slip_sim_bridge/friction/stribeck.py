@@ -9,8 +9,7 @@ import math
 
 from slip_core.compiled import part
 from slip_core.records import Real, Record, dtype_of
-from slip_core.symmetric import Sym, with_diagonal
-from slip_core.vectors import ZERO, Vec
+from slip_core.vectors import ZERO, Sym, Vec, with_diagonal
 from slip_sim_bridge.friction.params import FrictionParams
 
 

@@ -1,17 +1,16 @@
-"""Physics of N arms that hold one object, behind one protocol; `Simulation` adds clock, holding, limits and loss.
+"""Physics of N arms that hold one object, behind the same methods; `Simulation` adds clock, holding, limits and loss.
 
-`rigid`: one pad that sticks exactly. `elastic`: any number of pads with stiffness. `loose`: nothing is held any more.
+`rigid`: one pad that sticks exactly. `elastic`: any number of pads with stiffness. `loose`: nothing is held.
+Joint vectors are in the order of `joint_names`, those of all arms one after the other.
 """
 
 from __future__ import annotations
 
 import functools
 import os
-from typing import Protocol
 
 import numpy as np
 
-from slip_core.arrays import Array
 from slip_core.errors import SlipVicError
 from slip_core.records import REAL, Mat3, Record, Vec3, Vec6, dtype_of, layout
 
@@ -39,7 +38,7 @@ class Grasp(Record):
     pad_rotation: Mat3
     """{ee} to {w}."""
     pad_yield: Vec6
-    """How fast the pad's surface gives way to the object, signed as slip_velocity [m/s, rad/s] {ee}; rigid: 0."""
+    """Shear rate of the pad's surface, signed as slip_velocity [m/s, rad/s] {ee}; rigid: 0."""
 
 
 GRASP = dtype_of(Grasp)
@@ -55,42 +54,3 @@ def read_out(joints: int) -> np.dtype[np.void]:
     """Return the layout of one arm's read-out: the fields of `Grasp`, then positions and velocities of its joints."""
     joint_fields = [("position", REAL, (joints,)), ("velocity", REAL, (joints,))]
     return layout([*((name, GRASP[name]) for name in GRASP.names or ()), *joint_fields])
-
-
-class Movable(Protocol):
-    """Arms and object, held or not; joint vectors are in the order of `joint_names`, those of all arms one after the
-    other."""
-
-    def advance(self, efforts: Array, normal_forces: Array, drives: Array | None = None) -> None:
-        """Advance one control period under constant efforts; (sum of n,) [N m], sum of pad forces of each arm (N,) [N].
-
-        drives: a JOINT_DRIVE per joint, whose torque and effort are written; None: nothing else acts on the joints.
-
-        Raises:
-            DivergenceError: where the state stopped being physical.
-        """
-        ...
-
-    def holding_effort(self, arm: int, target: Array, stiffness: float, damping: float) -> Array:
-        """Return gravity and Coriolis compensation plus M (stiffness (target - q) - damping qd); (n,) -> (n,) [N m]."""
-        ...
-
-    def read(self, arm: int) -> Array:
-        """Return everything that can be read of one arm, as a fresh array laid out by `read_out`; (2 n + 54,)."""
-        ...
-
-
-class Plant(Movable, Protocol):
-    """Arms that hold the object."""
-
-    def gripped_at(self, arm: int) -> tuple[float, float]:
-        """Return where the point of the object that was gripped is on the pad, along x and y of {ee} [m]."""
-        ...
-
-    def reset(self, normal_forces: Array) -> None:
-        """Put everything back to the initial postures, at rest, held; (N,) [N]."""
-        ...
-
-    def push(self, wrenches: Array) -> None:
-        """Let hands push the object where each arm grips it from now on; (N, 6) [N, N m] {w}, zeros: no more."""
-        ...

@@ -15,18 +15,12 @@ import numpy as np
 
 from slip_core.arrays import Array, matrix_from_quat_xyzw
 from slip_core.errors import InputError
-from slip_core.records import POSE, Pose, Records, new, record, records
+from slip_core.records import POSE, Pose, Records, record, records
 from slip_sim_bridge.friction import friction_law
 from slip_sim_bridge.friction.limit_surface import ROOT_MARGIN
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.plant import DivergenceError
-from slip_sim_bridge.plant.elastic_step import (
-    ELASTIC_CONTACT,
-    ElasticContact,
-    elastic_after,
-    elastic_step,
-    read_elastic,
-)
+from slip_sim_bridge.plant.elastic_step import ELASTIC_CONTACT, ElasticContact, elastic_after, elastic_step
 from slip_sim_bridge.plant.joint_step import AGREEMENT, DRIVE_PASSES, TORQUE, joint_step
 from slip_sim_bridge.plant.loose import LoosePlant
 from slip_sim_bridge.plant.model import check_divergence
@@ -36,7 +30,7 @@ LONGEST_STEP = 0.3
 
 
 class ElasticPlant(LoosePlant):
-    """All arms, all grasps and the object; see `Plant` for the meaning of the methods.
+    """All arms, all grasps and the object.
 
     Raises:
         InputError: friction models that differ, pads that are damped less than friction falls with speed, a URDF that
@@ -134,11 +128,7 @@ class ElasticPlant(LoosePlant):
             self._rows[at : at + 6, self._n :] = seen
 
     def advance(self, efforts: Array, normal_forces: Array, drives: Array | None = None) -> None:
-        """Advance one control period; (sum of n,) [N m], (N,) [N].
-
-        Raises:
-            DivergenceError: where the state stopped being physical.
-        """
+        """Advance one control period as `RigidPlant` does; (sum of n,) [N m], (N,) [N]."""
         model, data, dt = self.model, self.data, self.model.opt.timestep
         self._effort[: self._n] = efforts
         for contact in self._contacts:
@@ -199,12 +189,16 @@ class ElasticPlant(LoosePlant):
         return np.array(self._rows[6 * arm : 6 * arm + 6, self._joints[arm]].T @ self._contacts[arm].force)
 
     def read(self, arm: int) -> Array:
-        """Return everything that can be read of one arm, laid out by `read_out`; (2 n + 54,)."""
-        self._look()
-        out, at = new(self._layouts[arm]), self._joints[arm]
-        read_elastic(
-            self._state, arm, self._qpos[at], self._qvel[at], self._qvel[self._n :], self._frames, self._period, out
-        )
+        """Return everything that can be read of one arm, laid out by `read_out`.
+
+        Implements: h_ee of Eq. (1), v_s of Eq. (14).
+        """
+        out, contact = super().read(arm), self._contacts[arm]
+        read = record(out, self._layouts[arm])
+        (x, y, angle), (moves_x, moves_y, turns) = contact.slip, contact.slip_rate
+        read.wrench = -contact.force
+        read.slip_displacement, read.slip_velocity = (x, y, 0, 0, 0, angle), (-moves_x, -moves_y, 0, 0, 0, -turns)
+        read.pad_yield = (contact.deflection_before - contact.deflection) / self._period
         return out
 
     def _look(self) -> None:

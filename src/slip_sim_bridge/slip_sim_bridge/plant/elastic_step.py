@@ -29,12 +29,10 @@ from slip_core.arrays import Array
 from slip_core.cholesky import back_substitute, cholesky, forward_substitute
 from slip_core.compiled import IN1, IN2, INT, OUT1, OUT2, REAL, VOID, WHOLE1, kernel, part
 from slip_core.records import POSE, Pose, Real, Record, Records, Vec3, Vec6, WholeArray, dtype_of, record, records
-from slip_core.symmetric import Sym
-from slip_core.vectors import Mat, Vec, mat, put, put_mat, vec
+from slip_core.vectors import Mat, Sym, Vec, mat, put, vec
 from slip_sim_bridge.friction import FrictionLaw
 from slip_sim_bridge.friction.limit_surface import scaled
-from slip_sim_bridge.plant import GRASP, GRASP_SIZE, Grasp
-from slip_sim_bridge.plant.solvers import solve_half
+from slip_sim_bridge.plant.joint_step import solve_half
 
 PASSES: Final = 100
 AGREEMENT: Final = 1e-13
@@ -288,45 +286,3 @@ def elastic_after(qvel: Array, rows: Array, normal_forces: Array, dt: float, sta
         c.slip[0] -= dt * (cos * c.slip_rate[0] - sin * c.slip_rate[1])
         c.slip[1] -= dt * (sin * c.slip_rate[0] + cos * c.slip_rate[1])
         c.slip[2] -= dt * c.slip_rate[2]
-
-
-@kernel(VOID(IN2, INT, IN1, IN1, IN1, IN2, REAL, OUT1))
-def read_elastic(
-    state: Array, i: int, position: Array, velocity: Array, object_velocity: Array, frames: Array, period: float,
-    out: Array,
-) -> None:  # fmt: skip
-    """Write what can be read of one arm to `out`, laid out by `plant.read_out`.
-
-    Args:
-        state: an ELASTIC_CONTACT per contact.
-        i: arm.
-        position, velocity: of its joints; (n,) [rad], [rad/s].
-        object_velocity: (6,): velocity of the centre of mass {w}, turning on the object's axes.
-        frames: a POSE per contact, then that of the object.
-        period: of control [s].
-        out: (2 n + 54,).
-
-    Implements: h_ee of Eq. (1), v_s of Eq. (14), v_o of Eq. (10).
-    """
-    contacts: Records[ElasticContact] = records(state, ELASTIC_CONTACT)
-    frame: Records[Pose] = records(frames, POSE)
-    c, body, pad = contacts[i], frame[len(contacts)], frame[i]
-    grasp: Grasp = record(out[:GRASP_SIZE], GRASP)
-    joints, n = out[GRASP_SIZE:], len(position)
-    for j in range(n):
-        joints[j], joints[n + j] = position[j], velocity[j]
-    for k in range(6):
-        grasp.wrench[k] = -c.force[k]
-    put(grasp.slip_displacement[:3], Vec(c.slip[0], c.slip[1], 0.0))
-    put(grasp.slip_displacement[3:], Vec(0.0, 0.0, c.slip[2]))
-    put(grasp.slip_velocity[:3], Vec(-c.slip_rate[0], -c.slip_rate[1], 0.0))
-    put(grasp.slip_velocity[3:], Vec(0.0, 0.0, -c.slip_rate[2]))
-    R_o = mat(body.rotation)
-    put(grasp.object_position, vec(body.position))
-    put_mat(grasp.object_rotation, R_o)
-    put(grasp.object_twist[:3], vec(object_velocity))
-    put(grasp.object_twist[3:], R_o @ vec(object_velocity[3:]))
-    put(grasp.pad_position, vec(pad.position))
-    put_mat(grasp.pad_rotation, mat(pad.rotation))
-    for k in range(6):
-        grasp.pad_yield[k] = (c.deflection_before[k] - c.deflection[k]) / period

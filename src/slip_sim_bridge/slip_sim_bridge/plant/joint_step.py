@@ -21,7 +21,6 @@ import numpy as np
 from slip_core.arrays import Array
 from slip_core.compiled import IN1, INT, OUT2, REAL, WHOLE1, kernel, part
 from slip_core.records import Real, Record, Records, WholeArray, dtype_of, records
-from slip_sim_bridge.plant.solvers import solve_half
 
 FRICTION, VELOCITY, POSITION = 0, 1, 2
 BLOCK_PASSES: Final = 20
@@ -58,6 +57,17 @@ class JointDrive(Record):
 JOINT_DRIVE = dtype_of(JointDrive)
 JOINT_DRIVE_SIZE = JOINT_DRIVE.itemsize // 8
 TORQUE: Final = (JOINT_DRIVE.names or ()).index("torque")
+
+
+@part
+def solve_half(factor: Array, tree: WholeArray, x: Array) -> None:
+    """Replace x by L^-T x, with M = L^T D L as MuJoCo keeps it: rows of L side by side, the diagonal last."""
+    n = x.shape[0]
+    for step in range(n):
+        i = n - 1 - step
+        first, count = tree[i], tree[n + i]
+        for at in range(first, first + count - 1):
+            x[tree[2 * n + at]] -= factor[at] * x[i]
 
 
 @part

@@ -21,7 +21,7 @@ from slip_sim_bridge.plant.model import OBJECT, PAD, check_divergence, free_obje
 
 
 class LoosePlant:
-    """Arms and object without contact; see `Movable` for the meaning of the methods."""
+    """Arms and object without contact."""
 
     def __init__(self, arms: Mapping[str, BridgeParams], urdfs: Mapping[str, str]) -> None:
         self.model = free_object_model(arms, urdfs)

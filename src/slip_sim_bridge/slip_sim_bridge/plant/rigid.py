@@ -70,7 +70,7 @@ def compile_laws() -> None:
 
 
 class RigidPlant:
-    """One arm and its grasp with limit-surface friction; see `Plant` for the meaning of the methods.
+    """One arm and its grasp with limit-surface friction.
 
     Raises:
         InputError: several arms; parameters and URDF that do not fit.
@@ -80,7 +80,7 @@ class RigidPlant:
         if len(arms) != 1:
             raise InputError(
                 "parameter plant", got=f"rigid with {len(arms)} arms", expected="elastic: several rigid pads on one "
-                "object do not determine the forces by which they work against each other",
+                "object leave the internal forces undetermined",
             )  # fmt: skip
         (params,), (urdf_text,) = arms.values(), urdfs.values()
         self.model = model = build_model(params, urdf_text)
@@ -147,7 +147,12 @@ class RigidPlant:
         self._state[:] = 0.0
 
     def advance(self, efforts: Array, normal_forces: Array, drives: Array | None = None) -> None:
-        """Advance one control period; (n,) [N m], (1,) [N].
+        """Advance one control period under constant efforts; (n,) [N m], force of the pads (1,) [N].
+
+        drives: a JOINT_DRIVE per joint, whose torque and effort are written; None: nothing else acts on the joints.
+
+        Raises:
+            DivergenceError: where the state stopped being physical.
 
         mj_step1 of the next step runs at the end, so that all state belongs to the new stamp.
         """
@@ -178,7 +183,7 @@ class RigidPlant:
         return self._bias[:n] + self._mass_matrix[:n, :n] @ pull
 
     def read(self, _arm: int) -> Array:
-        """Return everything that can be read, laid out by `read_out`; (2 n + 54,)."""
+        """Return everything that can be read, as a fresh array laid out by `read_out`; (2 n + 54,)."""
         out = np.empty(self._size)
         read_rigid(
             self._qpos, self._qvel, self._readings, self._object_position, self._object_rotation,

@@ -10,20 +10,21 @@ from __future__ import annotations
 
 import functools
 import math
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.compiled import IN1, IN2, INT, OUT1, OUT2, REAL, VOID, WHOLE1, kernel, part
 from slip_core.records import Real, Record, Vec3, WholeArray, dtype_of, record
-from slip_core.symmetric import Sym
-from slip_core.vectors import ZERO, Vec, mat, put, put_mat, vec
+from slip_core.vectors import ZERO, Sym, Vec, mat, put, put_mat, vec
 from slip_sim_bridge.friction import FrictionLaw
 from slip_sim_bridge.friction.limit_surface import scaled, substeps_needed
 from slip_sim_bridge.plant import GRASP, GRASP_SIZE, Grasp
-from slip_sim_bridge.plant.joint_step import AGREEMENT, TORQUE, joint_step
-from slip_sim_bridge.plant.solvers import PASSES, next_point, remember, solve_half
+from slip_sim_bridge.plant.joint_step import AGREEMENT, DRIVE_PASSES, TORQUE, joint_step, solve_half
+
+RANK: Final = 1e-12
+"""Of a difference of residuals: the part that newer ones do not explain, below which it is redundant."""
 
 
 class RigidContact(Record):
@@ -71,6 +72,57 @@ def contact_motion(
     return mobility, Vec(ax + y * az, ay - x * az, az)
 
 
+@part
+def remember(points: Array, values: Array, x: Array, value: Array, count: int) -> int:
+    """Put a point and its value before the older ones and return how many are kept, at most n + 1; (n + 1, n)."""
+    kept = min(count + 1, len(points))
+    for i in range(kept - 1, 0, -1):
+        points[i] = points[i - 1]
+        values[i] = values[i - 1]
+    points[0], values[0] = x, value
+    return kept
+
+
+@part
+def next_point(points: Array, values: Array, count: int, x: Array) -> None:
+    """Write to x where g(x) = x is expected, by the newest `count` points and values g of them; (n + 1, n), (n,).
+
+    Anderson 1965, J. ACM 12(4):547-560, with a memory of n steps: the share of each step that makes the residual
+    g(x) - x least, by orthogonalisation that begins at the newest. What is nearly linear needs n + 2 values of g.
+    """
+    n, steps = len(x), count - 1
+    left = values[0] - points[0]
+    basis, triangle, shares = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n)
+    for j in range(steps):
+        step = (values[j] - points[j]) - (values[j + 1] - points[j + 1])
+        whole = 0.0
+        for k in range(n):
+            whole += step[k] * step[k]
+        for i in range(j):
+            for k in range(n):
+                triangle[i, j] += basis[i, k] * step[k]
+            for k in range(n):
+                step[k] -= triangle[i, j] * basis[i, k]
+        rest = 0.0
+        for k in range(n):
+            rest += step[k] * step[k]
+        if rest > RANK * RANK * whole:
+            triangle[j, j] = np.sqrt(rest)
+            for k in range(n):
+                basis[j, k] = step[k] / triangle[j, j]
+    for j in range(steps - 1, -1, -1):
+        if triangle[j, j] > 0.0:
+            for k in range(n):
+                shares[j] += basis[j, k] * left[k]
+            for i in range(j + 1, steps):
+                shares[j] -= triangle[j, i] * shares[i]
+            shares[j] /= triangle[j, j]
+    for k in range(n):
+        x[k] = values[0, k]
+        for j in range(steps):
+            x[k] -= shares[j] * (values[j, k] - values[j + 1, k])
+
+
 @functools.cache
 def rigid_step(law: FrictionLaw) -> Any:
     """Compile the step for a friction law: effort and friction of the coming sub-step become joint forces."""
@@ -109,7 +161,7 @@ def rigid_step(law: FrictionLaw) -> Any:
         slip, force = applied[n:].copy(), np.empty(nv)
         points, values = np.empty((nv - n + 1, nv - n)), np.empty((nv - n + 1, nv - n))
         count, following = 0, ZERO
-        for _ in range(PASSES):
+        for _ in range(DRIVE_PASSES):
             for i in range(n):
                 applied[i] = effort[i]
             if len(drives) > 0:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.random import Generator
 
 from slip_core.arrays import Array, readonly
-from slip_core.types import DisplacementSample, ObjectTruth, SlipSample
+from slip_core.types import DisplacementSample, SlipSample
 from slip_sim_bridge.sensors.params import CHIPS, SlipSensorParams
 
 _INVALID, _INVALID_POSE = (readonly(np.full(size, math.nan)) for size in (6, 7))
@@ -119,48 +119,37 @@ def lifted_chip_reading(twist: Array, lifted: int) -> Array:
     return out
 
 
-class FlagMeasurement:
-    """Says whether it slips: whether what a slip sensor reads, faults included, is faster than `FLAG_SPEED`.
+def flag(reading: SlipMeasurement, radius: float, truth: SlipSample, rng: Generator) -> SlipSample | None:
+    """Return all ones where what a slip sensor reads, faults included, is faster than `FLAG_SPEED`, else zeros.
 
-    Args:
-        reading: the sensor.
-        radius: rho [m].
+    None where the sample is lost. radius: rho [m].
     """
-
-    def __init__(self, reading: SlipMeasurement, radius: float) -> None:
-        self._reading, self._radius = reading, radius
-
-    def __call__(self, truth: SlipSample, rng: Generator) -> SlipSample | None:
-        """Return all ones or zeros, or None where the sample is lost."""
-        read = self._reading(truth, rng)
-        if read is None or not read.valid:
-            return read
-        v = read.twist
-        up = math.hypot(*v[:3].tolist(), *(self._radius * v[3:]).tolist()) > FLAG_SPEED
-        return SlipSample(truth.stamp_ns, np.full(6, float(up)))
+    read = reading(truth, rng)
+    if read is None or not read.valid:
+        return read
+    v = read.twist
+    up = math.hypot(*v[:3].tolist(), *(radius * v[3:]).tolist()) > FLAG_SPEED
+    return SlipSample(truth.stamp_ns, np.full(6, float(up)))
 
 
-class DisplacementMeasurement:
-    """Measures the pose of the pad on the object with white noise; `faults` of a slip sensor lose or spoil samples.
+def displacement(
+    reading: SlipMeasurement, radius: float, truth: SlipSample, rng: Generator
+) -> DisplacementSample | None:
+    """Return the pose of the pad on the object with white noise; faults of the slip sensor lose or spoil samples.
 
     Args:
         reading: the slip sensor.
         radius: at which an error of position is one of angle [m].
+        truth: the displacement in place of a twist.
+        rng: of the noise.
     """
-
-    def __init__(self, reading: SlipMeasurement, radius: float) -> None:
-        self._reading = reading
-        self._deviation = reading.params.noise_position * np.repeat((1.0, 1.0 / radius), 3) * reading.axes
-
-    def __call__(self, truth: ObjectTruth, rng: Generator) -> DisplacementSample | None:
-        """Return the measured pose, or None where the sample is lost."""
-        reading, noise = self._reading, self._deviation * rng.standard_normal(6)
-        chance = reading.fault_rng.random()
-        if reading.faults.silent or chance < reading.faults.dropout_probability:
-            return None
-        if reading.faults.invalid:
-            return DisplacementSample(truth.stamp_ns, _INVALID_POSE, valid=False)
-        return DisplacementSample(truth.stamp_ns, pose_of(truth.slip_displacement + noise))
+    deviation = reading.params.noise_position * np.repeat((1.0, 1.0 / radius), 3) * reading.axes
+    noise, chance = deviation * rng.standard_normal(6), reading.fault_rng.random()
+    if reading.faults.silent or chance < reading.faults.dropout_probability:
+        return None
+    if reading.faults.invalid:
+        return DisplacementSample(truth.stamp_ns, _INVALID_POSE, valid=False)
+    return DisplacementSample(truth.stamp_ns, pose_of(truth.twist + noise))
 
 
 def pose_of(displacement: Array) -> Array:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 from operator import attrgetter
 from typing import Any, Generic, TypeVar
 
@@ -15,14 +16,14 @@ import numpy as np
 from numpy.random import Generator
 
 from slip_core.arrays import Array
+from slip_core.stamps import NS_PER_S, seconds_to_ns
 from slip_core.types import DisplacementSample, JointSample, SlipSample, WrenchSample
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.sensors.params import JointSensorParams, SensorsParams, WrenchSensorParams
-from slip_sim_bridge.sensors.slip import DisplacementMeasurement, FlagMeasurement, SlipMeasurement
+from slip_sim_bridge.sensors.slip import SlipMeasurement, displacement, flag
 
 Sample = TypeVar("Sample", WrenchSample, SlipSample | DisplacementSample, JointSample)
 
-_NS_PER_S = 1_000_000_000
 _STREAMS = {
     "slip": 0,
     "wrench": 1,
@@ -46,7 +47,7 @@ class Sensor(Generic[Sample]):
     ) -> None:
         self.measure: Callable[[Any, Generator], Sample | None] = measure
         self._rate_hz = rate_hz
-        self._latency_ns = round(latency_s * _NS_PER_S)
+        self._latency_ns = seconds_to_ns(latency_s)
         self._rng = rng
         self._pending: deque[Sample] = deque()
         self._first_ns: int | None = None
@@ -71,7 +72,7 @@ class Sensor(Generic[Sample]):
             return True
         if self._first_ns is None:
             self._first_ns = stamp_ns
-        periods = int((stamp_ns - self._first_ns) * self._rate_hz / _NS_PER_S + 1e-9)
+        periods = int((stamp_ns - self._first_ns) * self._rate_hz / NS_PER_S + 1e-9)
         if periods < self._measured:
             return False
         self._measured = periods + 1
@@ -126,7 +127,7 @@ class JointSensor:
         """Return the velocity of a first-order filter on differences of measured positions; from rest at first."""
         if self._before is None:
             self._before, self._filtered = (stamp_ns, position), np.zeros(position.size)
-        passed_s = (stamp_ns - self._before[0]) / _NS_PER_S
+        passed_s = (stamp_ns - self._before[0]) / NS_PER_S
         if passed_s > 0.0:
             share = 1.0 - math.exp(-2.0 * math.pi * self._params.velocity_filter_hz * passed_s)
             difference = (position - self._before[1]) / passed_s
@@ -155,44 +156,33 @@ class SensorSuite:
         measure: Any = SlipMeasurement(slip, axes, stream("slip faults"))
         self._measure_slip: SlipMeasurement = measure
         if params.slip_input == "flag":
-            measure = FlagMeasurement(measure, radius)
+            measure = partial(flag, measure, radius)
         elif params.slip_input == "displacement":
-            measure, self.slip_truth = DisplacementMeasurement(measure, radius), attrgetter("truth")
+            measure, self.slip_truth = partial(displacement, measure, radius), attrgetter("displaced")
         self.slip: Sensor[SlipSample | DisplacementSample]
         self.slip = Sensor(measure, slip.rate_hz, slip.latency_s, stream("slip"))
-        measure_wrench = WrenchMeasurement(wrench)
         self.wrench: Sensor[WrenchSample]
-        self.wrench = Sensor(measure_wrench, wrench.rate_hz, wrench.latency_s, stream("wrench"))
+        self.wrench = Sensor(partial(measured_wrench, wrench), wrench.rate_hz, wrench.latency_s, stream("wrench"))
         self.joint = JointSensor(sensors.joint, stream("joint"))
 
     def set_faults(self, params: SensorsParams) -> None:
         """Switch faults on and off from the next measurement on; what is under way stays as it is."""
         self._measure_slip.faults = params.slip.faults
-        self.wrench.measure = WrenchMeasurement(params.wrench)
+        self.wrench.measure = partial(measured_wrench, params.wrench)
 
 
-class WrenchMeasurement:
-    """Measures the wrench with the errors of a real sensor.
+def measured_wrench(params: WrenchSensorParams, truth: WrenchSample, rng: Generator) -> WrenchSample | None:
+    """Return a wrench with the errors of a real sensor, or None where it is lost; noise is drawn from `rng`.
 
-    Args:
-        params: what the sensor is, faults included.
+    params: what the sensor is, faults included.
     """
-
-    def __init__(self, params: WrenchSensorParams) -> None:
-        self._params = params
-        self._bias = np.array(params.bias)
-        self._exact = params.gain == 1.0 and not any(params.bias)
-        self._noisy = params.noise_force > 0.0 or params.noise_torque > 0.0
-        self._deviation = np.repeat((params.noise_force, params.noise_torque), 3)
-
-    def __call__(self, truth: WrenchSample, rng: Generator) -> WrenchSample | None:
-        """Return the measured sample, or None where it is lost; noise is drawn from `rng`."""
-        params, noise = self._params, rng.standard_normal(6) if self._noisy else None
-        if params.silent:
-            return None
-        if noise is None and self._exact:
-            return truth
-        wrench = params.gain * truth.wrench + self._bias
-        if noise is not None:
-            wrench = wrench + self._deviation * noise
-        return WrenchSample(truth.stamp_ns, wrench)
+    deviation = params.noise_force, params.noise_torque
+    noise = rng.standard_normal(6) if max(deviation) > 0.0 else None
+    if params.silent:
+        return None
+    if noise is None and params.gain == 1.0 and not any(params.bias):
+        return truth
+    wrench = params.gain * truth.wrench + np.array(params.bias)
+    if noise is not None:
+        wrench = wrench + np.repeat(deviation, 3) * noise
+    return WrenchSample(truth.stamp_ns, wrench)

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-
-import numpy as np
+from collections.abc import Iterator, Sequence
 
 from slip_vic.experiments.run import Row, kind_of, play, row_of
 from slip_vic.experiments.world import NO_MISMATCH, World, mismatch_assignments
 from slip_vic.options import Choice
-from slip_vic.scenarios.reach import judge_inertia
-from slip_vic.scenarios.scenario import Scenario, load_scenario
+from slip_vic.scenarios.scenario import Scenario, load
 from slip_vic_controller.law.bounds import GainReport
-from slip_vic_controller.law.gains import gain_report
+from slip_vic_controller.law.gains import gain_report, judge_inertia
 from slip_vic_controller.robot import Robot
 
 
@@ -22,7 +19,7 @@ def judged(scenario: Scenario) -> GainReport:
     armature = params.drive.of_joints("armature", len(params.joint_names))
     robot = Robot(scenario.placed[name], params.ee_frame, params.joint_names, params.gravity, armature)
     report = gain_report(params, refuse=False)
-    wrist = judge_inertia(robot, np.array(scenario.bridges[name].initial_position), params)
+    wrist = judge_inertia(params, robot.joint_names, robot.inertia)
     return report._replace(conditions=(*report.conditions, wrist))
 
 
@@ -34,25 +31,16 @@ def hindered(row: Row) -> str:
     return "" if kind_of(row) == "arrived" else f"does not arrive: ends {off:.3g} mm from its goal"
 
 
-def gain_lines(report: GainReport) -> Iterator[str]:
-    """Yield a line on k_s and on each condition."""
-    yield f"k_s configured {report.asked:g}, used {report.used:.6g} of {report.accepted:.6g} 1/s"
-    for one in report.conditions:
-        numbers = f"{one.value:.6g}, limit {one.limit:.6g}, margin {one.margin:.3g}"
-        yield f"{one.name} {'holds' if one.holds else 'fails'}: {numbers}; {one.reason}"
-
-
-def run_worlds(choice: Choice, mismatches: Sequence[str], report: Callable[[str], None]) -> Iterator[Row]:
-    """Run the configured world, then each mismatch, and yield their rows; `report` gets what runs.
+def run_worlds(choice: Choice, mismatches: Sequence[str]) -> Iterator[Row]:
+    """Run the configured world, then each mismatch, and yield their rows.
 
     Where the path is refused already there is nothing more to run.
     """
-    known = load_scenario(**choice)
+    known = load(**choice)
     settings = {name: mismatch_assignments(name, known) for name in (NO_MISMATCH, *mismatches)}
     for number, (name, own) in enumerate(settings.items()):
-        report(name)
         world = World(choice["scenario"], choice["sensor"], number=number, mismatch=name, law=choice["law"])
-        wrong = load_scenario(**choice | {"assignments": (*choice["assignments"], *own)})
+        wrong = load(**choice | {"set": (*choice["set"], *own)})
         row = row_of(world, *play(wrong.ticks(), wrong))
         yield row
         if row["outcome"] == "refused":

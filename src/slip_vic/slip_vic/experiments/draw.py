@@ -11,15 +11,16 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from slip_core.arrays import Array, matrix_from_quat_xyzw
+from slip_core.arrays import matrix_from_quat_xyzw
+from slip_core.types import PadMotion
 from slip_sim_bridge.params import BridgeParams
 from slip_vic.experiments.world import World
 from slip_vic.presets import preset_names
 from slip_vic.retime.certificate import pad_wrench
 from slip_vic.scenarios import scenario_names
-from slip_vic.scenarios.scenario import Scenario, cut_or_extend, drive_assignments, load_scenario
-from slip_vic_controller.path.joint_path import PadMotion
+from slip_vic.scenarios.scenario import Scenario, cut_or_extend, load
 
 SPREAD: Final = 0.4
 """Largest relative error of mass and friction as configured."""
@@ -45,14 +46,6 @@ FASTEST_S, SLOWEST_S = 1.2, 2.0
 mass, time of the motion."""
 
 
-def length(vector: Array) -> float:
-    """Return the length of a vector, to the same bits on every processor: numpy's depends on its instruction set."""
-    total = 0.0
-    for value in vector.tolist():
-        total += value * value
-    return math.sqrt(total)
-
-
 def drawn_worlds(
     count: int, seed: int, scenarios: Sequence[str] = (), drive: str = "", assignments: Iterable[str] = ()
 ) -> Iterator[World]:
@@ -70,14 +63,13 @@ def drawn_worlds(
         sensor, noise = str(rng.choice(preset_names("sensors"))), int(rng.integers(2**31))
         drawn = str(rng.choice((*ARMS, *MOTION_ARMS)))
         own_drive = drive or drawn
-        known = load_scenario(scenario, sensor=sensor, drive=own_drive)
+        known = load(scenario, sensor=sensor, drive=own_drive)
         kind = str(rng.choice(KINDS)) if not known.several else KINDS[0]
-        settings = [*drive_assignments(own_drive, scenario, ())]
-        settings += _several(rng) if known.several else [*motion(kind, known, rng), *_object(known, rng)]
+        settings = _several(known, rng) if known.several else [*motion(kind, known, rng), *_object(known, rng)]
         for arm, bridge in known.bridges.items():
             settings += [f"{arm}.{one}" if arm else one for one in (*_sensors(rng), *_joints(own_drive, bridge, rng))]
         settings += assignments
-        of_world = load_scenario(scenario, assignments=settings)
+        of_world = load(scenario, drive=own_drive, set=settings)
         if known.several or carries_weight(of_world.bridge):
             lasts = SLOWER * next(iter(of_world.controllers.values())).trajectory.duration_s + SETTLES_S
             settings.append(f"bridge.duration_s={lasts}")
@@ -85,18 +77,24 @@ def drawn_worlds(
             yield World(scenario, sensor, noise, (*settings,), name, number, arms, motion=kind, drive=own_drive)
 
 
-def _several(rng: np.random.Generator) -> list[str]:
+def _several(known: Scenario, rng: np.random.Generator) -> list[str]:
     """Return how several arms differ from what their controllers are configured with.
 
     Base of the last arm within 0.3 deg about every axis and 2 mm, its reference up to 10 ms late, friction of its pad
     0.87 to 1 of the others', mass within 10 %, motion in 1.2 to 2 s.
     """
+    (last, own), thing = list(known.bridges.items())[-1], known.first.object
+    turned = Rotation.from_rotvec(rng.uniform(-BASE_RAD, BASE_RAD, 3)) * Rotation.from_rotvec(own.base.rotation)
+    position = np.array(own.base.position) + rng.uniform(-BASE_M, BASE_M, 3)
+    late_s, friction, mass = rng.uniform(0.0, LATE_S), rng.uniform(WEAKEST, 1.0), rng.uniform(1.0 - MASS, 1.0 + MASS)
     return [
-        f"mismatch.base_rotation={rng.uniform(-BASE_RAD, BASE_RAD, 3).tolist()}",
-        f"mismatch.base_position={rng.uniform(-BASE_M, BASE_M, 3).tolist()}",
-        f"mismatch.late_s={rng.uniform(0.0, LATE_S)}",
-        f"mismatch.friction={rng.uniform(WEAKEST, 1.0)}",
-        f"mismatch.mass={rng.uniform(1.0 - MASS, 1.0 + MASS)}",
+        f"{last}.bridge.base.rotation={turned.as_rotvec().tolist()}",
+        f"{last}.bridge.base.position={position.tolist()}",
+        f"{last}.controller.trajectory.start_s={known.controllers[last].trajectory.start_s + late_s}",
+        f"{last}.bridge.friction.mu_s={own.friction.mu_s * friction}",
+        f"{last}.bridge.friction.mu_k={own.friction.mu_k * friction}",
+        f"bridge.object.mass={thing.mass * mass}",
+        f"bridge.object.inertia={(np.array(thing.inertia) * mass).tolist()}",
         f"controller.trajectory.duration_s={rng.uniform(FASTEST_S, SLOWEST_S)}",
     ]
 
@@ -119,8 +117,8 @@ def _object(known: Scenario, rng: np.random.Generator) -> list[str]:
 def _sensors(rng: np.random.Generator) -> list[str]:
     """Return biased sensors: force to BIAS_FORCE, slip to 10 mm/s; noise, slip gain, outliers 2 %, dropouts to 30 %."""
     force, slip = rng.normal(size=3), rng.normal(size=2)
-    force *= rng.uniform(0.0, BIAS_FORCE) / length(force)
-    slip *= rng.uniform(0.0, 0.01) / length(slip)
+    force *= rng.uniform(0.0, BIAS_FORCE) / math.hypot(*force)
+    slip *= rng.uniform(0.0, 0.01) / math.hypot(*slip)
     return [
         f"bridge.sensors.wrench.bias={[*force.tolist(), 0.0, 0.0, 0.0]}",
         f"bridge.sensors.wrench.noise_force={NOISE_FORCE}",
@@ -132,7 +130,7 @@ def _sensors(rng: np.random.Generator) -> list[str]:
 
 
 def _joints(drive: str, known: BridgeParams, rng: np.random.Generator) -> list[str]:
-    """Return joints that are not as the preset of their drive says; commands come 0 to 4 ms later.
+    """Return joints that differ from their drive's preset; commands take effect 0 to 4 ms later.
 
     Of measured torque: offset to 0.2 N m, friction to 0.3 of COULOMB, velocity noise to 0.01 rad/s. Of drives with a
     loop of their own: bandwidth within BANDWIDTH of what is configured, velocity noise to 0.01 rad/s.
@@ -165,15 +163,15 @@ def motion(kind: str, known: Scenario, rng: np.random.Generator) -> list[str]:
     way, turn = np.array(own.displacement), np.array(own.rotation)
     if kind == "waypoints":
         shares = np.array([1.0, 2.0]) / 3.0 + rng.uniform(-0.08, 0.08, 2)
-        bend = 0.08 * length(way) * rng.uniform(-1.0, 1.0, 2)
-        across = np.cross(turn / length(turn), way / length(way))
+        bend = 0.08 * math.hypot(*way) * rng.uniform(-1.0, 1.0, 2)
+        across = np.cross(turn / math.hypot(*turn), way / math.hypot(*way))
         points = [np.concatenate((k * way + b * across, k * turn)) for k, b in zip(shares, bend, strict=True)]
         flat = np.concatenate([*points, way, turn]).tolist()
         return ["controller.trajectory.kind=waypoints", f"controller.trajectory.waypoints={flat}"]
     if kind in ("circle", "lemniscate"):
         plane = {0: "yz", 1: "zx", 2: "xy"}[int(np.argmax(np.abs(turn)))]
         radius = 0.08
-        fastest = QUINTIC_PEAK * length(way) / own.duration_s**2
+        fastest = QUINTIC_PEAK * math.hypot(*way) / own.duration_s**2
         period = 2.0 * math.pi * math.sqrt(radius / (fastest * rng.uniform(0.4, 1.0)))
         return [
             f"controller.trajectory.kind={kind}", f"controller.trajectory.plane={plane}",

@@ -1,7 +1,7 @@
-"""A law in the place of the controller's: the same loop, the same simulation, and the effort limiter behind it.
+"""A law that replaces the controller's: the same loop, simulation and effort limiter.
 
-The controller still runs below, as the watch of the arm: its kinematics are what the law sees, and where the arm runs
-away it goes to FAULT, which ends the run. Its effort is not applied.
+The controller still runs to monitor the arm: the law gets its kinematics, and its FAULT ends the run if the arm runs
+away. Its effort is not applied.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from slip_core.arrays import Array, matrix_from_quat_xyzw
 from slip_core.params import build, flatten
 from slip_core.records import Records, new, record, records
-from slip_core.types import JointCommand, SlipSample
+from slip_core.types import JointCommand, PadMotion, SlipSample
 from slip_core.vectors import spatial
 from slip_vic.experiments.law import Answer, Effort, Law, Pad, Seen, Setup
 from slip_vic.run.in_process import Tick, run_in_process
@@ -30,18 +30,17 @@ from slip_vic_controller.arm.command import (
     joint_acceleration,
     start_motion,
 )
+from slip_vic_controller.config.controller import ArmController
 from slip_vic_controller.law.contact import CONTACT_SAMPLE, ContactSample
 from slip_vic_controller.law.evaluation import EVALUATION, Evaluation
 from slip_vic_controller.law.torque import joint_torque
-from slip_vic_controller.params.node_params import ControllerNodeParams
-from slip_vic_controller.path.joint_path import PadMotion
+from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.path.paths import reference_at
-from slip_vic_controller.safety.effort_limiter import (
+from slip_vic_controller.safety.limits import (
     limit_effort,
     needs_restart,
     start_limiter,
 )
-from slip_vic_controller.session.controller import ArmController
 from slip_vic_controller.session.cycle_result import CycleResult
 from slip_vic_controller.state import CONFIG, ControllerConfig
 
@@ -52,14 +51,14 @@ WATCH: Final[dict[str, Any]] = {
     "grip.control": "fixed", "tare.duration_s": 0.0, "safety.inputs.frozen_s": 1e3,
     "safety.load.drop_speed": 1e3, "safety.limits.error_linear": 1e3, "safety.limits.error_angular": 1e3,
 }  # fmt: skip
-"""Of the controller that watches: the path waits for no law, and samples are used as they are measured.
+"""Parameters of the monitoring controller: the path does not wait for the law, and samples are not filtered.
 
-With drives that take velocities it would estimate the joints from commands of its own, which do not leave.
+With velocity drives it would estimate the joints from its own commands, which are not applied.
 """
 
 
 def numbers(what: str, given: object, size: int) -> Array:
-    """Return what a law gave as an array of this size.
+    """Return a law's numbers as an array of this size.
 
     Raises:
         LawError: another shape, or numbers that are not finite.
@@ -76,9 +75,9 @@ def numbers(what: str, given: object, size: int) -> Array:
 
 
 def watched(scenario: Scenario) -> Scenario:
-    """Return a scenario with the controllers that watch its arms."""
+    """Return a scenario with the controllers that monitor its arms."""
     watching = {
-        name: build(ControllerNodeParams, flatten(params) | WATCH, f"controller {name}".strip())
+        name: build(ControllerParams, flatten(params) | WATCH, f"controller {name}".strip())
         for name, params in scenario.controllers.items()
     }
     return dataclasses.replace(scenario, controllers=watching)
@@ -92,10 +91,10 @@ def driven(scenario: Scenario, law: Law, most_grip: float | None = None) -> Iter
     Args:
         scenario: its controllers' parameters are those that the law may read.
         law: made for this run.
-        most_grip: largest squeeze that is let through [N]; None: what the gripper can.
+        most_grip: largest squeeze that is applied [N]; None: the gripper's.
 
     Raises:
-        LawError: what the law did wrong.
+        LawError: the law's mistake.
     """
     if most_grip is None:
         most_grip = min(params.grip.cap for params in scenario.controllers.values())
@@ -129,7 +128,7 @@ def _guarded(law: Law, method: str, argument: object) -> object:
 
 
 def _setup(scenario: Scenario, config: ControllerConfig, most_grip: float, tick: Tick) -> Setup:
-    """Return what the law is given at the first tick; config: of the first arm."""
+    """Return the law's `Setup`; config: of the first arm."""
     params, start = next(iter(scenario.controllers.values())), tick.result.arm
     position, rotation = np.array(start.position), np.array(start.rotation)
     path, start_s = config.path, params.trajectory.start_s
@@ -161,7 +160,7 @@ def _setup(scenario: Scenario, config: ControllerConfig, most_grip: float, tick:
 
 
 class _Arm:
-    """What is remembered of one arm between ticks."""
+    """State of one arm between ticks."""
 
     def __init__(self, scenario: Scenario, name: str) -> None:
         params = scenario.controllers[name]
@@ -180,7 +179,7 @@ class _Arm:
         """Squeeze as configured, then as commanded [N]."""
 
     def see(self, tick: Tick, k: int, needs: frozenset[str]) -> Seen:
-        """Return what a law sees of a tick."""
+        """Return the law's `Seen` of a tick."""
         outputs, terms, n = tick.outputs.arms[k], tick.results[k].arm, self.joints
         now_ns = tick.outputs.stamp_ns
         if self._start_ns < 0:
@@ -212,10 +211,10 @@ class _Arm:
         )
 
     def squeeze(self, answer: Answer, most: float) -> float | None:
-        """Return the squeeze that an answer commands, at most so much [N]; None where it commands none.
+        """Return the squeeze that an answer commands, at most the allowed one [N]; None if it commands none.
 
         Raises:
-            LawError: a squeeze that is none.
+            LawError: an invalid squeeze.
         """
         if answer is None or answer.grip is None:
             return None
@@ -226,9 +225,9 @@ class _Arm:
         return self._grip
 
     def command(self, answer: Answer, tick: Tick, k: int) -> JointCommand:
-        """Return what the drives get of an answer, inside their limits; nothing where there is none.
+        """Return the drives' command for an answer, within their limits; nothing if there is no answer.
 
-        Drives with loops of their own get the motion that the effort gives the arm's model, as the controller's do.
+        Velocity and position drives get the motion of the modelled arm under the effort, as from the controller.
 
         Raises:
             LawError: an answer that gives no finite command.
@@ -252,10 +251,10 @@ class _Arm:
         """Integrate the joint acceleration of an effort (n,) [N m] over a period, inside the limits of the motion."""
         if self.sent.started == 0:
             start_motion(self.config.command, self.sent, result.joint.position, result.joint.velocity)
-        arm, qdd, limited = result.arm, np.zeros(self.joints), np.zeros(self.joints, np.int64)
+        arm, qdd = result.arm, np.zeros(self.joints)
         if not joint_acceleration(self.joints, arm.M, arm.bias, arm.J, self._law.h_ee, tau, qdd):
             raise LawError("no finite acceleration of the joints at this posture")
-        advance_motion(self.config.command, self.sent, qdd, result.joint.velocity, self._period_s, limited)
+        advance_motion(self.config.command, self.sent, qdd, result.joint.velocity, self._period_s)
 
     def torque(self, result: CycleResult, acceleration: Array) -> Array:
         """Return the effort of an acceleration of the pad; (6,) {w} -> (n,) [N m].
@@ -276,11 +275,10 @@ class _Arm:
         return effort
 
     def limited(self, wanted: Array, tick: Tick, k: int) -> Array:
-        """Return what the effort limiter of the control cycle lets out; (n,) [N m]."""
+        """Return the output of the control cycle's effort limiter; (n,) [N m]."""
         limits, n, now_ns = self.config.command, self.joints, tick.outputs.stamp_ns
         if needs_restart(limits, self.sent, now_ns):
             felt, gravity = np.array(tick.outputs.arms[k].joint.effort), np.array(tick.results[k].arm.gravity[:n])
-            start_limiter(limits, self.sent, n, felt, gravity, now_ns)
-        clipped, limited = np.zeros(n, np.int64), np.zeros(n, np.int64)
-        limit_effort(limits, self.sent, n, wanted, now_ns, clipped, limited)
+            start_limiter(limits, self.sent, felt, gravity, now_ns)
+        limit_effort(limits, self.sent, wanted, now_ns, np.zeros(n, np.int64))
         return np.array(self.sent.effort[:n])

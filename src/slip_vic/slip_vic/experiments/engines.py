@@ -18,10 +18,11 @@ from collections.abc import Callable, Iterable, Iterator
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
-from typing import Any, Literal, NamedTuple, Self, TypeVar
+from typing import Any, Final, NamedTuple, TypeVar
 
 from slip_core.errors import InputError, require_extra
 from slip_msgs_py.stop_flag import held_back
+from slip_vic.run.processes import SINGLE_THREAD
 
 DEATHS = 3
 """How many workers one task may kill."""
@@ -38,10 +39,6 @@ QUIET = {
 }
 """Ray's own settings, where the user has not set them."""
 
-# Linear algebra is 6x6 here: threads of their own would only fight the other workers.
-_SINGLE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-
-EngineName = Literal["pool", "ray"]
 Shared = TypeVar("Shared")
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -53,7 +50,7 @@ class Died(NamedTuple):
     reason: str
 
 
-class Engine(ABC):
+class Engine(contextlib.AbstractContextManager["Engine"], ABC):
     """Runs tasks on workers; a context manager whose end stops the workers."""
 
     def __init__(self) -> None:
@@ -61,9 +58,6 @@ class Engine(ABC):
         """Every worker that died: its task, and what is known of it."""
         self._busy: dict[Any, Any] = {}
         """Task of each worker that has one."""
-
-    def __enter__(self) -> Self:
-        return self
 
     @abstractmethod
     def __exit__(self, *_: object) -> None:
@@ -118,7 +112,7 @@ class PoolEngine(Engine):
 
     def __init__(self, jobs: int) -> None:
         super().__init__()
-        os.environ.update(_SINGLE_THREAD)
+        os.environ.update(SINGLE_THREAD)
         self._jobs = jobs
         self._processes: dict[Connection, BaseProcess] = {}
         self._idle: list[Connection] = []
@@ -231,10 +225,5 @@ class RayEngine(Engine):
             return done, Died(f"with {type(error).__name__}")
 
 
-def open_engine(name: EngineName, jobs: int) -> Engine:
-    """Return an engine with so many worker processes; a Ray cluster that runs already has its own.
-
-    Raises:
-        InputError: Ray is not installed, or there is no cluster at RAY_ADDRESS.
-    """
-    return RayEngine(jobs) if name == "ray" else PoolEngine(jobs)
+ENGINES: Final[dict[str, Callable[[int], Engine]]] = {"pool": PoolEngine, "ray": RayEngine}
+"""By name, each made with the number of worker processes; a Ray cluster that runs already has its own."""

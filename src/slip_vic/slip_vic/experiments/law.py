@@ -1,4 +1,4 @@
-"""What a control law of one's own is: the classes that it takes and gives, and how it is found by its name."""
+"""The interface of your own control law: its inputs and outputs, and how a law is found by name."""
 
 from __future__ import annotations
 
@@ -17,26 +17,22 @@ import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.errors import InputError, UnknownName
-from slip_core.types import JointSample, SlipSample, WrenchSample
-from slip_vic_controller.params.node_params import ControllerNodeParams
-from slip_vic_controller.path.joint_path import PadMotion
+from slip_core.types import JointSample, PadMotion, SlipSample, WrenchSample
+from slip_vic_controller.params.controller_params import ControllerParams
 
 NEEDS: Final = ("wrench", "slip", "grip")
-"""What a law may need beside the arm itself."""
+"""What a law may need besides the arm itself."""
 KNOWN: Final = {
-    name: f"slip_vic.experiments.{where}"
-    for name, where in (
-        ("classical", "ours:Classical"),
-        ("vic", "ours:Vic"),
-        ("governed", "ours:Governed"),
-        ("governed_follow", "ours:GovernedFollow"),
-        ("fixed_grip", "baselines.grip_laws:FixedGrip"),
-        ("slip_aware_hold", "baselines.grip_laws:SlipAwareHold"),
-        ("sun_slipping_control", "baselines.grip_laws:SunSlippingControl"),
-        ("grasp_cbf", "baselines.grip_laws:GraspCbf"),
-        ("proactive_slip_control", "baselines.proactive_slip_control:ProactiveSlipControl"),
-        ("toppra_offline", "baselines.toppra_offline:ToppraOffline"),
-    )
+    "classical": "slip_vic.experiments.ours:Classical",
+    "vic": "slip_vic.experiments.ours:Vic",
+    "governed": "slip_vic.experiments.ours:Governed",
+    "governed_follow": "slip_vic.experiments.ours:GovernedFollow",
+    "fixed_grip": "slip_vic.experiments.grip_laws:FixedGrip",
+    "slip_aware_hold": "slip_vic.experiments.grip_laws:SlipAwareHold",
+    "sun_slipping_control": "slip_vic.experiments.grip_laws:SunSlippingControl",
+    "grasp_cbf": "slip_vic.experiments.grip_laws:GraspCbf",
+    "proactive_slip_control": "slip_vic.experiments.proactive_slip_control:ProactiveSlipControl",
+    "toppra_offline": "slip_vic.experiments.toppra_offline:ToppraOffline",
 }
 """Laws that have a short name."""
 
@@ -46,11 +42,11 @@ class Setup:
     """What is configured before a run; nothing in it comes from the simulated world.
 
     reference: the desired motion of the first pad at a time since the start of the run [s]; duration_s: when that
-    motion ends [s]; period_s: of control [s]; friction_limit: force that the grasp can carry at the grip it has at
-    first [N]; torsional_radius: largest friction torque over largest friction force [m]; grip, most_grip: squeeze at
-    first and at most, sum over both pads [N]; mass, inertia: of the object [kg], ixx iyy izz ixy ixz iyz [kg m2] {o};
-    gravity (3,) [m/s2] {w}; grasp_position, grasp_rotation: of the pad on the object; (3,) [m], (3, 3) {o};
-    parameters, urdfs: everything that a controller of this suite is configured with, for each arm by its name.
+    motion ends [s]; period_s: of control [s]; friction_limit: force that the grasp can carry at the initial grip [N];
+    torsional_radius: largest friction torque over largest friction force [m]; grip, most_grip: initial and largest
+    squeeze, sum over both pads [N]; mass, inertia: of the object [kg], ixx iyy izz ixy ixz iyz [kg m2] {o}; gravity
+    (3,) [m/s2] {w}; grasp_position, grasp_rotation: of the pad on the object; (3,) [m], (3, 3) {o}; parameters, urdfs:
+    parameters and URDF of the controller, for each arm by its name.
     """
 
     reference: Callable[[float], PadMotion]
@@ -65,7 +61,7 @@ class Setup:
     gravity: Array
     grasp_position: Array
     grasp_rotation: Array
-    parameters: Mapping[str, ControllerNodeParams]
+    parameters: Mapping[str, ControllerParams]
     urdfs: Mapping[str, str]
 
 
@@ -74,10 +70,10 @@ class Seen:
     """What one arm measures at a tick. What a law does not need (`Law.needs`) is zero or empty.
 
     time: since the start of the run [s]; q, qd (n,) [rad], [rad/s]; position (3,) [m], rotation (3, 3), twist (6,)
-    [m/s, rad/s]: of the pad, {w}; J (6, n), M (n, n) [kg m2], bias (n,) [N m]: Jacobian {w}, joint inertia,
-    C qd + g; wrench (6,) [N, N m] {ee}: the newest, of the object on the pad; slip (6,) [m/s, rad/s] {ee}: the newest
-    slip velocity; grip: squeeze that is commanded [N]; stamp_ns, joint, wrenches, slips: the samples themselves, those
-    that are new, oldest first; others: the further arms.
+    [m/s, rad/s]: of the pad, {w}; J (6, n), M (n, n) [kg m2], bias (n,) [N m]: Jacobian {w}, joint inertia, C qd + g;
+    wrench (6,) [N, N m] {ee}: the newest, of the object on the pad; slip (6,) [m/s, rad/s] {ee}: the newest slip
+    velocity; grip: commanded squeeze [N]; stamp_ns, joint, wrenches, slips: the new samples themselves, oldest first;
+    others: the other arms.
     """
 
     time: float
@@ -108,7 +104,7 @@ class Seen:
 class Pad:
     """Acceleration of the pad; (6,) [m/s2, rad/s2] {w}, linear part first. It becomes an effort by Eq. (21).
 
-    grip: squeeze that is wanted, sum over both pads [N]; None: as before.
+    grip: commanded squeeze, sum over both pads [N]; None: as before.
     """
 
     acceleration: Array
@@ -119,7 +115,7 @@ class Pad:
 class Effort:
     """Joint efforts (n,) [N m] with the arm's weight. grip: see `Pad`.
 
-    Drives that take velocities or positions get the motion that these efforts give the arm's model.
+    Velocity and position drives get the motion of the modelled arm under these efforts.
     """
 
     effort: Array
@@ -127,21 +123,21 @@ class Effort:
 
 
 Answer = Pad | Effort | None
-"""None: no command, the arm holds its posture by itself."""
+"""None: no command; the arm holds its posture by itself."""
 
 
 @runtime_checkable
 class Law(Protocol):
-    """A control law; made without arguments once for each run. Nothing needs to be registered.
+    """A control law, constructed without arguments once for each run. No registration is needed.
 
         class MyLaw:
             needs = frozenset({"wrench"})
             def reset(self, setup): self.setup = setup
             def step(self, seen): return slip_vic.Pad(np.zeros(6))
 
-    needs: of `NEEDS`. `reset` is called once, before the first `step`; slow things (planning, compiling) belong there.
-    `step` is called in every control period and returns `Pad`, `Effort` or None. A law of several arms has
-    `several = True` and returns a tuple with one answer for each.
+    needs: of `NEEDS`. `reset` is called once, before the first `step`; slow work (planning, compiling) belongs there.
+    `step` is called in every control period and returns `Pad`, `Effort` or None. A law for several arms has `several =
+    True` and returns a tuple with one answer for each.
     """
 
     needs: ClassVar[frozenset[str]]
@@ -157,37 +153,30 @@ class Law(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class FoundLaw:
-    """A law by its name, which works on every worker.
+    """A law that was found by its name.
 
-    source: digest of the file that it stands in; settings: assignments to the controller of the scenario.
+    source: digest of its file; settings: assignments to the controller of the scenario.
     """
 
-    name: str
     kind: type[Law]
     source: str
     settings: tuple[str, ...] = ()
-
-    @property
-    def label(self) -> str:
-        """What it is called in tables."""
-        name, mark, change = self.name.partition("?")
-        return name.rpartition(":")[2] + mark + change
 
 
 def find_law(name: str) -> FoundLaw:
     """Return a law: a name of `KNOWN`, `module:Class` or `file.py:Class`.
 
-    `?number=value` behind it gives the class another value of a number that it has, `fixed_grip?factor=1.5`; a name
-    with a dot is a parameter of the controller.
+    A suffix `?number=value` changes a number of the class, `fixed_grip?factor=1.5`; a name with a dot is a parameter of
+    the controller.
 
     Raises:
-        InputError: there is none, its module cannot be imported, or it is not a law.
+        InputError: no such law, its module cannot be imported, or it is not a law.
     """
-    whole, (name, _, change) = name, name.partition("?")
+    name, _, change = name.partition("?")
     full = KNOWN.get(name, name)
     where, colon, kind = full.rpartition(":")
     if not colon or not where or not kind:
-        raise UnknownName("law", name, KNOWN, fix="or give module:Class, or file.py:Class")
+        raise UnknownName("law", name, KNOWN, fix="(or module:Class, or file.py:Class)")
     try:
         module = _module_of_file(Path(where)) if where.endswith(".py") else importlib.import_module(where)
     except (Exception, SystemExit) as error:  # whatever a module of someone else's does
@@ -198,10 +187,13 @@ def find_law(name: str) -> FoundLaw:
         raise UnknownName(
             "law", kind, [one for one, value in vars(module).items() if inspect.isclass(value)], where=where
         )
-    needs, methods = getattr(found, "needs", None), [getattr(found, method, None) for method in ("reset", "step")]
-    if not all(map(callable, methods)) or not isinstance(needs, (frozenset, set)) or not set(needs) <= set(NEEDS):
+    needs = getattr(found, "needs", None)
+    lacks = [method for method in ("reset", "step") if not callable(getattr(found, method, None))]
+    if not isinstance(needs, (frozenset, set)) or not set(needs) <= set(NEEDS):
+        lacks.append("needs")
+    if lacks:
         expected = f"reset(setup), step(seen), and needs as a frozenset of {', '.join(NEEDS)}"
-        raise InputError(f"law {name}", got=f"class {kind} without them", expected=expected)
+        raise InputError(f"law {name}", got=f"class {kind} without {', '.join(lacks)}", expected=expected)
     source = hashlib.sha256(Path(inspect.getfile(found)).read_bytes()).hexdigest()[:16]
     key, _, value = change.partition("=")
     if change and "." not in key:
@@ -211,11 +203,11 @@ def find_law(name: str) -> FoundLaw:
             raise InputError(
                 f"law {name}", got=f"?{change}", expected="?NUMBER=VALUE, of a number that the class has"
             ) from None
-    return FoundLaw(whole, cast("type[Law]", found), source, (f"controller.{change}",) if "." in key else ())
+    return FoundLaw(cast("type[Law]", found), source, (f"controller.{change}",) if "." in key else ())
 
 
 def _module_of_file(path: Path) -> ModuleType:
-    """Import a file under a name of its own; the same file once."""
+    """Import a file under a unique name; the same file once."""
     name = "slip_vic_law_" + hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:12]
     if name in sys.modules:
         return sys.modules[name]

@@ -114,7 +114,7 @@ def read_json(path: Path) -> tuple[dict[str, str], str]:
 
 
 def refuse_difference(one: Mapping[str, str], other: Mapping[str, str], where: str, fix: str) -> None:
-    """Raise where a name that both have stands for different things."""
+    """Raise if a name has different meanings in both."""
     for name in one:
         if other.get(name, one[name]) != one[name]:
             raise InputError(where, got=f"{name} {one[name]}", expected=f"{other[name]}", fix=fix)

@@ -13,10 +13,10 @@ from slip_core.errors import SlipVicError
 from slip_sim_bridge.params import BridgeParams
 from slip_vic.experiments.driven import driven, watched
 from slip_vic.experiments.law import find_law
-from slip_vic.experiments.world import KEY, OWN_LAWS, World
+from slip_vic.experiments.world import KEY, World
 from slip_vic.run.in_process import Tick
 from slip_vic.run.judge import judge
-from slip_vic.scenarios.scenario import Scenario
+from slip_vic.scenarios.scenario import LAWS, Scenario
 
 OF_SUMMARY: Final = (
     "slip_linear_m", "slip_angular_rad", "slip_linear_peak_m", "slip_speed_peak_m_s", "tracking_rms_m",
@@ -61,7 +61,7 @@ def run(world: World) -> Row:
     """
     if not math.isfinite(world.fastest_s):
         return row_of(world, "impossible", "friction does not carry the weight all the way", {})
-    own = not world.track and world.law.partition("?")[0] in OWN_LAWS
+    own = not world.track and world.law.partition("?")[0] in LAWS
     try:
         outcome, reason, metrics = play(*_begun(world, own))
     except SlipVicError as error:
@@ -140,8 +140,6 @@ def kind_of(row: Mapping[str, str]) -> str:
     if row["outcome"] in ("refused", "impossible"):
         return row["outcome"]
     off_goal = float(row["off_goal_m"])
-    if math.isnan(off_goal):
-        off_goal = float(row["final_error_m"])
     if math.isnan(off_goal) or row["outcome"] == "stays":
         return "held"
     if off_goal > SHORT_M:

@@ -11,20 +11,21 @@ from pathlib import Path
 import click
 from rich.console import Console
 
-from slip_vic.experiments.engines import Died, Engine, EngineName, open_engine
+from slip_vic.experiments import suite
+from slip_vic.experiments.engines import ENGINES, Died, Engine
 from slip_vic.experiments.law import find_law
 from slip_vic.experiments.rows import FILE, key_of, read_rows, refuse_difference, rows_added
 from slip_vic.experiments.run import Row, row_of, run
-from slip_vic.experiments.world import OWN_LAWS, Key, World
+from slip_vic.experiments.world import Key, World
 from slip_vic.presets import preset_text
 from slip_vic.run.prepare import prepare
 from slip_vic.run.progress import progress
 from slip_vic.run.versions import digest, versions
-from slip_vic.scenarios.scenario import load_scenario
+from slip_vic.scenarios.scenario import LAWS, load
 
 
 def made_of(worlds: Iterable[World]) -> dict[str, str]:
-    """Return what rows of these runs are made of: versions, and digests of scenarios with their arms, sensors and laws.
+    """Return what rows of these runs are made of: versions, and digests of scenarios with arms, sensors, laws, suite.
 
     Raises:
         InputError: an unknown name, a file that cannot be read, a bad override of the arm, no such law.
@@ -33,22 +34,20 @@ def made_of(worlds: Iterable[World]) -> dict[str, str]:
     for world in worlds:
         arm = tuple(one for one in world.settings if "robot_description_file=" in one)
         found[" ".join(("scenario", world.scenario, *arm))] = _scenario(world.scenario, arm)
-        if world.sensor:
-            found[f"sensor {world.sensor}"] = _sensor(world.sensor)
-        if world.track or world.law.partition("?")[0] not in OWN_LAWS:
+        for kind, name in (("sensor", world.sensor), ("drive", world.preset_drive)):
+            if name:
+                found[f"{kind} {name}"] = digest([preset_text(f"{kind}s", name).encode()])
+        if world.track or world.law.partition("?")[0] not in LAWS:
             found[f"law {world.law}"] = find_law(world.law).source
+        if world.track:
+            found["suite"] = suite.DIGEST
     return found
 
 
 @functools.cache
 def _scenario(name: str, arm: tuple[str, ...]) -> str:
-    loaded = load_scenario(name, assignments=arm)
+    loaded = load(name, set=arm)
     return digest(text.encode() for text in (loaded.text, *loaded.urdfs.values()))
-
-
-@functools.cache
-def _sensor(name: str) -> str:
-    return digest([preset_text("sensors", name).encode()])
 
 
 def run_on_worker(wanted: Mapping[str, str], world: World) -> Row:
@@ -62,9 +61,7 @@ def run_on_worker(wanted: Mapping[str, str], world: World) -> Row:
     return run(world)
 
 
-def fill(
-    path: Path, name: str, worlds: Sequence[World], workers: Engine, more: Mapping[str, str] | None = None
-) -> tuple[list[Row], int]:
+def fill(path: Path, name: str, worlds: Sequence[World], workers: Engine) -> tuple[list[Row], int]:
     """Make the runs that a file of rows does not have yet; return all rows, and how many of them it had.
 
     Workers that died are reported with their runs.
@@ -74,12 +71,11 @@ def fill(
         name: of what runs, for the progress that is shown.
         worlds: all, each with its law.
         workers: make the runs.
-        more: what rows depend on beside versions and files, by name.
 
     Raises:
         InputError: see `made_of` and `rows_added`; a worker has other versions or files.
     """
-    wanted, before = {**made_of(worlds), **(more or {})}, len(workers.deaths)
+    wanted, before = made_of(worlds), len(workers.deaths)
     with rows_added(path, wanted) as (done, add):
         left = [world for world in worlds if world.key not in done]
         there = len(worlds) - len(left)
@@ -102,17 +98,20 @@ def in_words(key: Key) -> str:
     return " ".join(filter(None, key[:-1]))
 
 
+def sentences(rows: Iterable[Row]) -> list[str]:
+    """Return a line on each row: its run, outcome and reason."""
+    return [f"{in_words(key_of(row))}: {row['outcome']}, {row['reason']}" for row in rows]
+
+
 def under_laws(worlds: Sequence[World], laws: Sequence[str]) -> list[World]:
     """Return each world once under each law; all laws of a world one after the other."""
     return list(dict.fromkeys(replace(world, law=law) for world in worlds for law in laws))
 
 
-def run_study(
-    worlds: Sequence[World], out: Path, engine: EngineName, jobs: int, more: Mapping[str, str] | None = None
-) -> list[Row]:
+def run_study(worlds: Sequence[World], out: Path, engine: str, jobs: int) -> list[Row]:
     """Make the runs that a folder does not have yet, and show all that were asked for; see `fill`."""
-    with open_engine(engine, jobs) as workers:
-        rows, there = fill(out / FILE, out.name, worlds, workers, more)
+    with ENGINES[engine](jobs) as workers:
+        rows, there = fill(out / FILE, out.name, worlds, workers)
     show(rows, out)
     click.echo(f"{there} of {len(rows)} runs were there already; {out}")
     return rows
@@ -126,8 +125,3 @@ def show(rows: Sequence[Row], out: Path) -> None:
         return
     write_picture((out / FILE).with_suffix(".png"), rows)
     click.echo("\n\n".join(tables_of(rows)))
-
-
-def bad_ones(rows: Sequence[Row]) -> list[str]:
-    """Return a line on every run that did not end well."""
-    return [f"{in_words(key_of(row))}: {row['outcome']}, {row['reason']}" for row in rows if row["outcome"] != "ok"]

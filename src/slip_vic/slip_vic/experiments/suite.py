@@ -17,7 +17,7 @@ from slip_core.errors import InputError
 from slip_vic.experiments.law import KNOWN, FoundLaw
 from slip_vic.experiments.rows import FILE, digest_of, key_of, read_json, read_rows, refuse_difference
 from slip_vic.experiments.run import Row, run
-from slip_vic.experiments.world import Key, Track, World, frozen_worlds
+from slip_vic.experiments.world import Key, Track, World
 from slip_vic.run.prepare import prepare
 from slip_vic.run.versions import versions
 
@@ -43,7 +43,8 @@ def _stored() -> tuple[World, ...]:
     world is impossible. Of two arms it is the time of the path as given.
     """
     packed = resources.files("slip_vic.experiments").joinpath(f"{SUITE}.jsonl.gz").read_bytes()
-    return tuple(frozen_worlds(json.loads(line) for line in gzip.decompress(packed).splitlines()))
+    rows = map(json.loads, gzip.decompress(packed).splitlines())
+    return tuple(World(**row | {"settings": tuple(row["settings"])}) for row in rows)
 
 
 def worlds(track: Track, arms: int, count: int) -> list[World]:

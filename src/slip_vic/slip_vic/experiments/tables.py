@@ -15,10 +15,10 @@ import matplotlib.pyplot as plt  # the backend must be chosen first: no display 
 import numpy as np
 import pandas as pd
 from matplotlib.patches import Patch
+from scipy.stats import binomtest
 
 from slip_core.arrays import Array
 from slip_vic.experiments.run import CARRIED, KINDS, Row, kind_of
-from slip_vic.experiments.statistics import clopper_pearson
 
 GROUPS: Final = ("scenario", "track", "arms", "drive", "mismatch", "sensor")
 """What a study separates, beside the laws."""
@@ -68,7 +68,8 @@ def lines_of(rows: Sequence[Row]) -> Iterator[dict[str, str]]:
         line |= {name: str(count(name)) for name in ("short", "late", "held", "refused", "impossible")}
         line |= {label: cell(median(values_of(group, metric) * scale)) for metric, scale, label in SHOWN}
         if all(row["track"] for row in group):
-            line |= {label: cell(median(over(group, metric, bound))) for metric, bound, label in BOUNDS}
+            bounds = {bound: np.array([float(row[bound]) for row in group]) for _, bound, _ in BOUNDS}
+            line |= {label: cell(median(values_of(group, name) / bounds[bound])) for name, bound, label in BOUNDS}
         if base:
             pairs = [(kind_of(base[_world(row)]), kind_of(row)) for row in group if _world(row) in base]
             alone = sum(before != "lost" and now == "lost" for before, now in pairs)
@@ -81,9 +82,12 @@ def _world(row: Row) -> tuple[str, ...]:
 
 
 def _lost(group: Sequence[Row]) -> str:
+    """Return the number of lost runs, of many with the bounds of 95 % of its share by Clopper and Pearson."""
     count, total = [kind_of(row) for row in group].count("lost"), len(group)
-    low, high = clopper_pearson(count, total)
-    return f"{count} ({100.0 * low:.0f}-{100.0 * high:.0f} %)" if total >= 20 else str(count)
+    if total < 20:
+        return str(count)
+    bounds = binomtest(count, total).proportion_ci()
+    return f"{count} ({100.0 * bounds.low:.0f}-{100.0 * bounds.high:.0f} %)"
 
 
 def values_of(rows: Sequence[Row], metric: str) -> Array:
@@ -91,11 +95,6 @@ def values_of(rows: Sequence[Row], metric: str) -> Array:
     values = np.array([float(row[metric]) for row in rows])
     carried = np.array([kind_of(row) in CARRIED for row in rows])
     return np.where(np.isfinite(values) & (carried | metric.startswith("squeeze")), values, math.inf)
-
-
-def over(rows: Sequence[Row], metric: str, bound: str) -> Array:
-    """Return a metric over its bound."""
-    return values_of(rows, metric) / np.array([float(row[bound]) for row in rows])
 
 
 def median(values: Array) -> float:

@@ -16,12 +16,13 @@ import optuna
 from optuna.distributions import FloatDistribution
 
 from slip_core.params import flatten
-from slip_vic.experiments.engines import EngineName, open_engine
+from slip_vic.experiments.engines import ENGINES
 from slip_vic.experiments.rows import FILE
 from slip_vic.experiments.run import Row
 from slip_vic.experiments.runner import fill
 from slip_vic.experiments.world import World, combined
-from slip_vic.scenarios.scenario import NODES, Scenario, ros_parameter_file
+from slip_vic.scenarios.parameter_files import commented_file
+from slip_vic.scenarios.scenario import NODES, Scenario
 from slip_vic_controller.law.gains import gain_report
 
 EFFORT_RATE: Final = 1.2
@@ -109,7 +110,7 @@ def search(
 
 
 def run_tune(
-    base: World, law: str, mismatches: Sequence[str], seeds: int, trials: int, out: Path, engine: EngineName, jobs: int
+    base: World, law: str, mismatches: Sequence[str], seeds: int, trials: int, out: Path, engine: str, jobs: int
 ) -> str:
     """Search, and write ``controller.yaml``; return one line on what was found.
 
@@ -125,12 +126,12 @@ def run_tune(
         InputError: an unknown name, a bad override, or parameters that were found and that `check` refuses.
     """
     seen, unseen = (
-        combined((base.scenario,), (base.sensor,), mismatches, of, {"": ()}, base.settings)
+        combined((base.scenario,), (base.sensor,), mismatches, of, settings=base.settings)
         for of in (range(seeds), range(seeds, 2 * seeds))
     )
     loaded = base.load(law)
     loaded.check()
-    with open_engine(engine, jobs) as workers:
+    with ENGINES[engine](jobs) as workers:
 
         def rows_of(worlds: Sequence[World], name: str, values: Values) -> Sequence[Row]:
             return fill(out / FILE, name, tried(worlds, law, name, values), workers)[0]
@@ -142,7 +143,7 @@ def run_tune(
             for name, values in (("default", {}), ("tuned", best.params))
         )
     tuned, file = base.load(law, assignments(best.params)), out / "controller.yaml"
-    file.write_text(ros_parameter_file(tuned.controller, NODES["controller"][0], complete=False), encoding="utf-8")
+    file.write_text(commented_file(tuned.controller, NODES["controller"][0]), encoding="utf-8")
     tuned.check()
     gain_report(next(iter(tuned.controllers.values())))
     return (

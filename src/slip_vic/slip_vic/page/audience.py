@@ -21,7 +21,7 @@ MODEL: Final = "model"
 """Tells a browser that the next message is a model, not a frame."""
 HOST: Final = "127.0.0.1"
 OWN: Final = re.compile(r"(localhost|127\.0\.0\.1)(:\d+)?")
-"""Names under which a browser of this machine asks."""
+"""Host names used by a browser on this machine."""
 
 
 class Audience:
@@ -92,18 +92,15 @@ class Audience:
 
         self._loop.call_soon_threadsafe(say)
 
-    def _is_own(self, headers: Headers) -> bool:
-        """Whether the page asks that is served here, not one of another origin or under another name."""
-        hosts, origins = headers.get_all("Host"), headers.get_all("Origin")
-        return len(hosts) == 1 and bool(OWN.fullmatch(hosts[0])) and set(origins) <= {f"http://{hosts[0]}"}
-
     def _answer(self, _: ServerConnection, request: Request) -> Response | None:
-        if not self._is_own(request.headers):
-            status, text = http.HTTPStatus.FORBIDDEN, b""
+        """Answer the page that is served here, not one of another origin or under another name."""
+        hosts, origins = request.headers.get_all("Host"), request.headers.get_all("Origin")
+        status = http.HTTPStatus.OK if request.path in ("/", "/live") else http.HTTPStatus.NOT_FOUND
+        if len(hosts) != 1 or not OWN.fullmatch(hosts[0]) or not set(origins) <= {f"http://{hosts[0]}"}:
+            status = http.HTTPStatus.FORBIDDEN
         elif request.path == "/live":
             return None
-        else:
-            status, text = (http.HTTPStatus.OK, self._page) if request.path == "/" else (http.HTTPStatus.NOT_FOUND, b"")
+        text = self._page if status == http.HTTPStatus.OK else b""
         kind = {"Content-Type": "text/html; charset=utf-8", "Content-Length": str(len(text)), "Connection": "close"}
         return Response(status.value, status.phrase, Headers(kind), text)
 

@@ -6,15 +6,14 @@ the cost does not grow with the work of the page.
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
-from rcl_interfaces.srv import GetParameters
 from rclpy.node import Node
-from rclpy.parameter import parameter_value_to_python
 
 from slip_core.errors import SlipVicError
 from slip_core.stamps import stamp_to_ns
@@ -22,8 +21,7 @@ from slip_msgs_py.messages.from_msgs import vector6
 from slip_msgs_py.qos import profile
 from slip_vic.page.audience import Audience
 from slip_vic.page.packing import Packer
-from slip_vic.page.plots import describe_plots, plot_series
-from slip_vic.page.runs import describe, object_size, series_of, tip_of
+from slip_vic.page.runs import describe, describe_plots, object_size, plot_series, series_of, tip_of
 from slip_vic.page.urdf import box_of
 from slip_vic.run.data import ArmData, Channel, RunData
 from slip_vic.run.peer import Asker, Listener
@@ -79,7 +77,10 @@ class Watcher:
         self.model: bytes | None = None
 
     def poll(self, now: float) -> bytes | None:
-        """Return the next frame, None where nothing new has come; `model` is set before the first."""
+        """Return the next frame, None where nothing new has come.
+
+        `model`, which says what stands in a frame, is set before the first; topics that appear later make another one.
+        """
         if now >= self._next_discovery:
             self._next_discovery = now + DISCOVERY_S
             self._discover()
@@ -99,7 +100,10 @@ class Watcher:
         run = self._run(ready)
         described = description(run)
         if self.model is None or described != self._described:
-            self._begin(run)
+            packer = Packer()
+            runs = [describe(self._wanted or "live", run, packer)[0]]
+            plots = describe_plots([run], packer, empty=True)
+            self.model = packer.pack({"time": packer.add(NOW), "runs": runs, "plots": plots})
             self._described, self._start_ns = described, stamp_ns
         elif stamp_ns < self.last_ns:
             self._start_ns = stamp_ns  # a bag that is looped, a run that restarts: the page sees the time go back
@@ -109,12 +113,6 @@ class Watcher:
     def modes(self) -> list[tuple[int, str]]:
         """Return the number and the mode of each arm whose mode has been published."""
         return [(k, text) for k, arm in enumerate(a for a in self.arms if a.complete) if (text := arm.text(MODE))]
-
-    def close(self) -> None:
-        """Unsubscribe from everything."""
-        for arm in self.arms:
-            for topic in arm.topics.values():
-                self._node.destroy_subscription(topic.subscription)
 
     def _discover(self) -> None:
         known = {arm.name for arm in self.arms}
@@ -129,15 +127,10 @@ class Watcher:
                 for latched, names in ((False, NEWEST), (True, LATCHED))
                 for one in names
             }
-            self.arms.append(WatchedArm(name, topics, ask_parameters(self._asker, f"{prefix}/{NODE}")))
+            self.arms.append(WatchedArm(name, topics))
+            with contextlib.suppress(SlipVicError):  # there may be no controller
+                self.arms[-1].parameters = self._asker.parameters(f"{prefix}/{NODE}", ASKED, ASK_S)
             self.model = None  # the next frame makes another one
-
-    def _begin(self, run: RunData) -> None:
-        """Make the model that says what stands in a frame; topics that appear later lead to another one."""
-        packer = Packer()
-        described, _ = describe(self._wanted or "live", run, packer)
-        plots = describe_plots([run], packer, empty=True)
-        self.model = packer.pack({"time": packer.add(np.zeros(1)), "runs": [described], "plots": plots})
 
     def _run(self, arms: Sequence[WatchedArm]) -> RunData:
         pose, bridge = None, dict[str, Any]()
@@ -195,38 +188,24 @@ def frame(time_s: float, run: RunData) -> bytes:
     return np.concatenate(parts).astype("<f4").tobytes()
 
 
-def ask_parameters(asker: Asker, name: str) -> dict[str, Any]:
-    """Return what a controller reports of itself; empty where there is none."""
-    request = GetParameters.Request(names=list(ASKED))
-    try:
-        values = asker.call(GetParameters, f"{name}/get_parameters", request, ASK_S).values
-    except SlipVicError:
-        return {}
-    return {key: parameter_value_to_python(v) for key, v in zip(ASKED, values, strict=True) if v.type}
-
-
 def watch(node: Node, audience: Audience, namespace: str, stop: Callable[[], object]) -> None:
     """Feed the browsers until it is stopped; without any the topics are read once a second only."""
     watcher = Watcher(node, namespace)
     model: bytes | None = None
     newest, modes, silent = time.monotonic(), list[tuple[int, str]](), False
-    try:
-        while not stop():
-            now = time.monotonic()
-            data = watcher.poll(now)
-            if watcher.model is not None and watcher.model is not model:
-                model, modes = watcher.model, watcher.modes()  # the model has the modes of its beginning
-                audience.begin(model)
-            if data is not None:
-                newest = now
-                audience.send(data)
-                changed = [one for one in watcher.modes() if one not in modes]
-                modes = watcher.modes()
-                for arm, text in changed:
-                    audience.tell(arm=arm, mode=text)
-            if model is not None and silent != (now > newest + SILENT_S):
-                silent = not silent
-                audience.tell("ended", ended=SILENCE if silent else "")
-            time.sleep(FRAME_S if audience.present or model is None else min(1.0, DISCOVERY_S))
-    finally:
-        watcher.close()
+    while not stop():
+        now = time.monotonic()
+        data = watcher.poll(now)
+        if watcher.model is not None and watcher.model is not model:
+            model, modes = watcher.model, watcher.modes()  # the model has the modes of its beginning
+            audience.begin(model)
+        if data is not None:
+            newest = now
+            audience.send(data)
+            before, modes = modes, watcher.modes()
+            for arm, text in (one for one in modes if one not in before):
+                audience.tell(arm=arm, mode=text)
+        if model is not None and silent != (now > newest + SILENT_S):
+            silent = not silent
+            audience.tell("ended", ended=SILENCE if silent else "")
+        time.sleep(FRAME_S if audience.present or model is None else min(1.0, DISCOVERY_S))

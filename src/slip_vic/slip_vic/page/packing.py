@@ -1,12 +1,10 @@
-"""Text and arrays as one block of bytes: a JSON header that refers to the arrays behind it, gzipped.
+"""Text and arrays as one block of bytes: a JSON header that refers to the arrays behind it.
 
 uint32 length of the header | header, UTF-8, filled with spaces to a multiple of 4 | the arrays, little endian
 """
 
 from __future__ import annotations
 
-import base64
-import gzip
 import json
 from typing import Any, Final
 
@@ -14,11 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 ARRAY: Final = "$array"
-_LEVEL: Final = 9
 
 
 class Packer:
-    """Collects arrays; `add` returns what stands for an array in the header."""
+    """Collects arrays; `add` returns the entry of an array in the header."""
 
     def __init__(self) -> None:
         self._parts: list[bytes] = []
@@ -39,8 +36,3 @@ class Packer:
         text = json.dumps(header, separators=(",", ":"), allow_nan=False).encode()
         text += b" " * (-len(text) % 4)
         return b"".join([len(text).to_bytes(4, "little"), text, *self._parts])
-
-
-def compressed(block: bytes) -> str:
-    """Return a block gzipped, as base64; the same block gives the same text."""
-    return base64.b64encode(gzip.compress(block, _LEVEL, mtime=0)).decode()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import gzip
 import html
 import json
 import string
@@ -10,9 +12,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
 
-from slip_vic.page.packing import Packer, compressed
-from slip_vic.page.plots import describe_plots
-from slip_vic.page.runs import colours, describe, grid, on_grid, shown_s
+from slip_vic.page.packing import Packer
+from slip_vic.page.runs import colours, describe, describe_plots, grid, on_grid, shown_s
 from slip_vic.page.scripts import read_static, three, uplot
 from slip_vic.run.data import RunData
 from slip_vic.run.metrics import summarise, summary_table
@@ -29,7 +30,7 @@ MODULES: Final = (
     "live.js",
     "main.js",
 )
-"""In the order in which the page runs them: each uses what stands before it."""
+"""In the order in which the page runs them: each uses those before it."""
 
 
 def summaries(runs: Mapping[str, RunData]) -> dict[str, dict[str, Any]]:
@@ -76,17 +77,17 @@ def write_page(
         laws="<br>".join(f"<b>{label}</b>: {LAWS[label]}" for label in runs if label in LAWS),
         facts=f"<dl>{''.join(rows)}</dl>",
         notes="".join(f"<p>not drawn: {html.escape(name)}</p>" for name in dict.fromkeys(missing)),
-        data=compressed(packer.pack(header)),
+        data=base64.b64encode(gzip.compress(packer.pack(header), mtime=0)).decode(),
         live=False,
     )
     write_files(path.parent, {path.name: text})
 
 
 LAWS: Final = {
-    "classical": "impedance control that follows the path and does not use the slip.",
-    "vic": "the paper's law: stiffness fades with slip, and the pad follows the object until the slip is gone.",
-    "governed": "the paper's law below a governor that slows the path before the pad slips.",
-    "governed_follow": "governed, and the gripper squeezes as little as the load ahead needs.",
+    "classical": "impedance control that follows the path and ignores slip.",
+    "vic": "the paper's law: stiffness fades with slip, and the pad follows the object until slip has stopped.",
+    "governed": "impedance control on a path that the governor slows down before the object slips.",
+    "governed_follow": "the same, and the gripper squeezes as little as the load ahead needs.",
 }
 
 

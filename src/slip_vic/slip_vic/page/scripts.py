@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib.resources
 import importlib.util
 import re
 import zipfile
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
 from slip_core.errors import InputError
 
 STATIC: Final = importlib.resources.files(__package__) / "static"
-_VIEWER: Final = ("trimesh", "resources/templates/viewer.zip", "viewer.html.template")
-_UPLOT: Final = ("uplot", "static/uPlot.iife.js", "static/uPlot.min.css")
 _THREE: Final = re.compile(r"/\*\*\s+\* @license\s+\* Copyright [\d-]+ Three\.js Authors[^/]*\*/\n!function[^\n]+")
 """Licence and module, which is one line; viewer, loader and controls of trimesh's own page follow it."""
 
@@ -22,32 +22,24 @@ def three() -> str:
     """Return three.js as a script that defines `THREE`.
 
     Raises:
-        InputError: the package is absent, or its version does not hold it.
+        InputError: the package's version does not hold it.
     """
-    package, archive, member = _VIEWER
-    path = _folder(package) / archive
-    try:
-        with zipfile.ZipFile(path) as opened:
-            found = _THREE.search(opened.read(member).decode("utf-8"))
-    except (OSError, KeyError, zipfile.BadZipFile) as error:
-        raise _other_version(package, str(error)) from None
-    if found is None:
-        raise _other_version(package, f"no three.js in {path.name}")
-    return found[0]
+    with _folder("trimesh") as folder, zipfile.ZipFile(folder / "resources/templates/viewer.zip") as opened:
+        found = _THREE.search(opened.read("viewer.html.template").decode("utf-8"))
+        if found is None:
+            raise KeyError("no three.js in viewer.zip")
+        return found[0]
 
 
 def uplot() -> tuple[str, str]:
     """Return uPlot's script, which defines `uPlot`, and its style.
 
     Raises:
-        InputError: the package is absent, or its version does not hold them.
+        InputError: the package's version does not hold them.
     """
-    package, *files = _UPLOT
-    try:
-        script, style = ((_folder(package) / file).read_text(encoding="utf-8") for file in files)
-    except OSError as error:
-        raise _other_version("uplot-python", str(error)) from None
-    return script, style
+    with _folder("uplot") as folder:
+        script, style = ((folder / "static" / name).read_text("utf-8") for name in ("uPlot.iife.js", "uPlot.min.css"))
+        return script, style
 
 
 def read_static(name: str) -> str:
@@ -55,12 +47,15 @@ def read_static(name: str) -> str:
     return (STATIC / name).read_text(encoding="utf-8")
 
 
-def _folder(package: str) -> Path:
+@contextlib.contextmanager
+def _folder(package: str) -> Iterator[Path]:
+    """Give the folder of a package, which is not imported; what is missing in it is the fault of its version."""
     spec = importlib.util.find_spec(package)
     assert spec is not None
     assert spec.origin is not None
-    return Path(spec.origin).parent
-
-
-def _other_version(package: str, got: str) -> InputError:
-    return InputError(f"script in package {package}", got=got, expected="the version in requirements.lock")
+    try:
+        yield Path(spec.origin).parent
+    except (OSError, KeyError, zipfile.BadZipFile) as error:
+        raise InputError(
+            f"script in package {package}", got=str(error), expected="the version in requirements.lock"
+        ) from None

@@ -11,7 +11,6 @@ import numpy as np
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from slip_core.errors import InputError
 from slip_core.files.resources import find_file
 from slip_core.files.urdf import MOVING, base_of, end_of, joints_on, named, numbers_of, parse_urdf
 from slip_vic.page.packing import Packer
@@ -31,9 +30,7 @@ def links_of(urdf: str, packer: Packer) -> tuple[list[dict[str, Any]], list[str]
         InputError: where the text is no URDF with one base.
     """
     robot = parse_urdf(urdf)
-    colours = {
-        m.get("name"): _colour(m) for m in robot.findall("material") if m.get("name") and m.find("color") is not None
-    }
+    materials = {one.get("name"): one for one in robot.findall("material") if one.find("color") is not None}
     missing: list[str] = []
     elements, below = named(robot, "link"), joints_on(robot)
     links: list[dict[str, Any]] = []
@@ -49,7 +46,7 @@ def links_of(urdf: str, packer: Packer) -> tuple[list[dict[str, Any]], list[str]
                 "kind": kind,
                 "axis": (axis / (np.linalg.norm(axis) or 1.0)).tolist(),
                 **_origin(joint),
-                "shapes": list(_shapes(elements[name], colours, packer, missing)),
+                "shapes": list(_shapes(elements[name], materials, packer, missing)),
             }
         )
         waiting += [(end_of(one, "child"), len(links) - 1, one) for one in below.get(name, [])]
@@ -64,7 +61,7 @@ def _origin(element: Element | None) -> dict[str, list[float]]:
 
 
 def _shapes(
-    link: Element, colours: dict[str | None, list[float]], packer: Packer, missing: list[str]
+    link: Element, materials: dict[str | None, Element], packer: Packer, missing: list[str]
 ) -> Iterator[dict[str, Any]]:
     for visual in link.findall("visual"):
         geometry = visual.find("geometry")
@@ -72,13 +69,12 @@ def _shapes(
         if shape is None:
             continue
         material = visual.find("material")
-        colour = list(_GREY)
-        if material is not None:
-            own = material.find("color") is not None
-            colour = _colour(material) if own else colours.get(material.get("name"), colour)
+        if material is not None and material.find("color") is None:  # it has the name of one of the robot's
+            material = materials.get(material.get("name"))
+        colour = None if material is None else material.find("color")
         made = _shape(shape, packer, missing)
         if made is not None:
-            yield {**made, "colour": colour, **_origin(visual)}
+            yield {**made, "colour": numbers_of(colour, "rgba", _GREY), **_origin(visual)}
 
 
 def _shape(shape: Element, packer: Packer, missing: list[str]) -> dict[str, Any] | None:
@@ -88,36 +84,19 @@ def _shape(shape: Element, packer: Packer, missing: list[str]) -> dict[str, Any]
         return {"kind": "cylinder", "size": [float(shape.get("radius", 0.05)), float(shape.get("length", 0.1))]}
     if shape.tag == "sphere":
         return {"kind": "sphere", "size": [float(shape.get("radius", 0.05))]}
-    if shape.tag == "mesh":
-        file = shape.get("filename", "")
-        try:
-            mesh = trimesh.load_mesh(str(find_file(file)))
-            points, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
-        except Exception:  # a reader of many foreign formats: anything may happen, and a shape is only decoration
-            missing.append(file)
-            return None
-        scale = numbers_of(shape, "scale", (1.0, 1.0, 1.0))
-        return {
-            "kind": "mesh",
-            "size": scale,
-            "points": packer.add(points),
-            "faces": packer.add(faces.astype(np.uint32)),
-        }
-    return None
-
-
-def _colour(material: Element) -> list[float]:
-    return numbers_of(material.find("color"), "rgba", _GREY)
+    if shape.tag != "mesh":
+        return None
+    file = shape.get("filename", "")
+    try:
+        mesh = trimesh.load_mesh(str(find_file(file)))
+        points, faces = packer.add(np.asarray(mesh.vertices)), packer.add(np.asarray(mesh.faces))
+    except Exception:  # a reader of many foreign formats: anything may happen, and a shape is only decoration
+        missing.append(file)
+        return None
+    return {"kind": "mesh", "size": numbers_of(shape, "scale", (1.0, 1.0, 1.0)), "points": points, "faces": faces}
 
 
 @functools.lru_cache
-def box_of(urdf: str) -> tuple[float, float, float]:
-    """Return the edges of the first box in a URDF [m], as `object_description` has one.
-
-    Raises:
-        InputError: there is none.
-    """
-    for box in parse_urdf(urdf).iter("box"):
-        x, y, z = numbers_of(box, "size", (0.1, 0.1, 0.1))
-        return x, y, z
-    raise InputError("object_description", got="no box", expected="a URDF with one box")
+def box_of(urdf: str) -> tuple[float, ...]:
+    """Return the edges of the first box in a URDF [m], as `object_description` has one."""
+    return tuple(numbers_of(parse_urdf(urdf).find(".//box"), "size", (0.1, 0.1, 0.1)))

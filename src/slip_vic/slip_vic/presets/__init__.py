@@ -1,7 +1,4 @@
-"""What comes with the package by name, as YAML files: scenarios, sensors, drives and grippers, or one's own file.
-
-Names and texts are read here without anything heavy, so that a mistyped name is answered at once.
-"""
+"""Presets by name, or your own YAML file: scenarios, sensors, drives and grippers."""
 
 from __future__ import annotations
 
@@ -27,27 +24,14 @@ def preset_names(kind: str) -> list[str]:
     return sorted(name.removesuffix(_SUFFIX) for name in names if name.endswith(_SUFFIX))
 
 
-def find_preset(kind: str, name_or_path: str) -> Path | None:
-    """Return the file that a preset is in, None where it comes with the package.
-
-    Raises:
-        UnknownName: of no preset (the nearest are offered).
-    """
-    if name_or_path in preset_names(kind):
-        return None
-    path = Path(name_or_path)
-    if path.suffix in (_SUFFIX, ".yml"):
-        return path
-    raise UnknownName(kind.removesuffix("s"), name_or_path, preset_names(kind), fix="(or a .yaml file)")
-
-
 def preset_text(kind: str, name_or_path: str) -> str:
     """Return the YAML text of a preset by name or from a file.
 
     Raises:
         InputError: unknown name (nearest offered), or a file that cannot be read.
     """
-    path = find_preset(kind, name_or_path)
-    if path is None:
+    if name_or_path in preset_names(kind):
         return (_folder(kind) / f"{name_or_path}{_SUFFIX}").read_text(encoding="utf-8")
-    return read_text(str(path), f"file {path}")
+    if Path(name_or_path).suffix not in (_SUFFIX, ".yml"):
+        raise UnknownName(kind.removesuffix("s"), name_or_path, preset_names(kind), fix="(or a .yaml file)")
+    return read_text(name_or_path, f"file {name_or_path}")

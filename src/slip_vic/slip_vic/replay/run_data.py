@@ -2,34 +2,39 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeVar
+from functools import partial
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_bags.reader import Bag
-from slip_bags.series import Series
+from slip_bags.format import BagMessage
+from slip_bags.reader import RECORD_BYTES, Bag
 from slip_core.arms import by_arm, model_of_arms, prefix_of
-from slip_core.arrays import readonly
 from slip_core.errors import InputError
+from slip_core.files.resources import MAX_BYTES
 from slip_core.params import build, flatten
 from slip_core.stamps import NS_PER_S
 from slip_core.topics import contact_topic
-from slip_core.types import CartesianReference, JointSample, PoseGoal, SlipSample, WrenchSample
+from slip_core.types import CartesianReference, DisplacementSample, JointSample, PoseGoal, SlipSample, WrenchSample
 from slip_msgs_py.messages.from_msgs import (
     cartesian_reference,
-    displacement_sample,
-    joint_indices,
+    joint_command,
+    joint_sample,
     pose_goal,
-    slip_flag,
-    slip_sample,
+    slip_displacement,
+    slip_flags,
+    slip_velocity,
+    wrench_sample,
 )
-from slip_vic.run.data import parameters_of
+from slip_vic.run.data import own_topic, parameters_of
 from slip_vic_controller.interfaces import SlipFromDisplacement
-from slip_vic_controller.params.node_params import ControllerNodeParams
-from slip_vic_controller.safety.modes import Mode
+from slip_vic_controller.params.controller_params import ControllerParams
+from slip_vic_controller.safety.conditions import Mode
 
 if TYPE_CHECKING:
     from rcl_interfaces.msg import ParameterValue
@@ -38,12 +43,9 @@ LEDGER: Final = "controller/ledger"
 GIVEN: Final = "controller/reference_used"
 PARAMETERS: Final = "controller.params.yaml"
 URDF: Final = "arm.urdf"
-Sample = TypeVar("Sample")
+Sample = TypeVar("Sample", JointSample, WrenchSample, SlipSample, DisplacementSample)
 EVENTS: Final = "/parameter_events"
 NODE: Final = "slip_vic_controller"
-_KINDS: Final = ("bool", "integer", "double", "string", "byte_array", "bool_array", "integer_array", "double_array",
-                 "string_array")  # fmt: skip
-"""Of parameter values, by type number from 1 on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,8 +81,8 @@ class RecordedRun:
     given: references or goals in their order.
     """
 
-    params: ControllerNodeParams
-    changes: Mapping[int, ControllerNodeParams]
+    params: ControllerParams
+    changes: Mapping[int, ControllerParams]
     urdf: str
     ledger: tuple[LedgerEntry, ...]
     joints: dict[int, JointSample]
@@ -101,54 +103,40 @@ def read_run(bag: Bag) -> dict[str, RecordedRun]:
     """
     params = _parameters(bag)
     root = _namespace(bag, f"{prefix_of(next(iter(params)))}{LEDGER}")
-    return {name: _read_arm(_Source(bag, root, name, tuple(params)), own) for name, own in params.items()}
+    return {name: _read_arm(bag, root, name, tuple(params), own) for name, own in params.items()}
 
 
-class _Source(NamedTuple):
-    """Where an arm's run is in a bag.
-
-    root: namespace of the node; name: of the arm; names: of all arms.
-    """
-
-    bag: Bag
-    root: str
-    name: str
-    names: tuple[str, ...]
-
-    @property
-    def prefix(self) -> str:
-        """Prefix of the arm's topics."""
-        return self.root + prefix_of(self.name)
-
-    def contacts(self, count: int) -> list[str]:
-        """Return the prefix of the topics of each contact: the own one, those of the other arms, further own ones."""
-        arms = self.name, *(name for name in self.names if name != self.name)
-        places = [self.root + prefix_of(name) for name in arms[:count]]
-        return places + [self.prefix + contact_topic("", index) for index in range(len(places), count)]
-
-
-def _read_arm(source: _Source, params: ControllerNodeParams) -> RecordedRun:
-    bag, prefix, interface = source.bag, source.prefix, params.command.interface
-    ledger_series = _complete(bag, prefix + LEDGER)
-    joints, contacts = params.joint_names, source.contacts(params.contacts.count)
+def _read_arm(bag: Bag, root: str, name: str, names: tuple[str, ...], params: ControllerParams) -> RecordedRun:
+    """Read the run of one arm; root: namespace of the node; names: of all arms."""
+    prefix, interface = root + prefix_of(name), params.command.interface
+    count, joints = params.contacts.count, params.joint_names
+    # Topics of each contact: the own one, those of the other arms, further own ones.
+    arms = (name, *(other for other in names if other != name))[:count]
+    contacts = [root + prefix_of(arm) for arm in arms]
+    contacts += [prefix + contact_topic("", index) for index in range(len(arms), count)]
+    ledger = _complete(bag, prefix + LEDGER, partial(_entry, contacts=count))
+    times_ns = np.array([entry.publish_time_ns for entry in ledger])
+    commands = _complete(
+        bag, f"{prefix}{interface}_command", partial(joint_command, joints=joints, interface=interface)
+    )
     return RecordedRun(
         params=params,
-        changes=_changes(source, params, ledger_series),
-        urdf=_attachment(bag, f"{source.name}.urdf" if source.name else URDF),
-        ledger=tuple(_entry(row, len(contacts)) for row in ledger_series["data"].tolist()),
-        joints=_joints(_complete(bag, f"{prefix}joint_states"), joints),
+        changes=_changes(bag, f"{root}{NODE}", f"{name}." if name else "", params, times_ns),
+        urdf=_attachment(bag, f"{name}.urdf" if name else URDF),
+        ledger=tuple(entry.value for entry in ledger),
+        joints=_samples(bag, f"{prefix}joint_states", partial(joint_sample, joints=joints)),
         wrenches=tuple(_wrenches(bag, f"{contact}wrench", params) for contact in contacts),
         slips=tuple(_slips(bag, contact, params) for contact in contacts),
-        commands=_commands(_complete(bag, f"{prefix}{interface}_command"), ledger_series, joints, interface),
-        given=_given(bag, source.root + GIVEN, params),
+        commands=_commands(commands, times_ns, interface),
+        given=_given(bag, root + GIVEN, params),
     )
 
 
-def _given(bag: Bag, topic: str, params: ControllerNodeParams) -> tuple[CartesianReference | PoseGoal, ...]:
+def _given(bag: Bag, topic: str, params: ControllerParams) -> tuple[CartesianReference | PoseGoal, ...]:
     """Return what came by topic; a bag without that topic has none."""
     if topic not in bag.topics:
         return ()
-    messages = (message.value for message in bag.messages(topic))
+    messages = (message.value for message in bag.messages(own_topic(bag, topic)))
     if params.trajectory.kind == "topic":
         return tuple(map(cartesian_reference, messages))
     return tuple(pose_goal(message, params.trajectory.duration_s) for message in messages)
@@ -168,53 +156,62 @@ def _attachment(bag: Bag, name: str) -> str:
     return bag.attachments[name].decode("utf-8")
 
 
-def _parameters(bag: Bag) -> dict[str, ControllerNodeParams]:
+def _parameters(bag: Bag) -> dict[str, ControllerParams]:
     values = parameters_of(PARAMETERS, bag.path, _attachment(bag, PARAMETERS))
     arms = tuple(values.get("arms", ()))
-    model = model_of_arms(ControllerNodeParams, arms) if arms else ControllerNodeParams
+    model = model_of_arms(ControllerParams, arms) if arms else ControllerParams
     return by_arm(build(model, values, f"{PARAMETERS} of {bag.path}"))
 
 
-def _changes(source: _Source, params: ControllerNodeParams, ledger: Series) -> dict[int, ControllerNodeParams]:
-    """Read what was set at run time; node and ledger share a thread and a clock, so their order is exact."""
-    if EVENTS not in source.bag.topics:
-        return {}
-    changes, own = {}, f"{source.name}." if source.name else ""
-    for message in source.bag.messages(EVENTS):
+def _changes(
+    bag: Bag, node: str, own: str, params: ControllerParams, ledger: NDArray[np.int64]
+) -> dict[int, ControllerParams]:
+    """Read what was set at run time; node and ledger share a thread and a clock, so their order is exact.
+
+    ledger: when its entries were published [ns].
+    """
+    changes: dict[int, ControllerParams] = {}
+    for message in bag.messages(EVENTS) if EVENTS in bag.topics else ():
         event = message.value
-        if event.node != f"{source.root}{NODE}" or not event.changed_parameters:
+        if event.node != node or not event.changed_parameters:
             continue
         given = {item.name: _parameter_value(item.value) for item in event.changed_parameters}
         changed = {name.removeprefix(own): v for name, v in given.items() if name.startswith(own)}
-        names = flatten(params)
-        params = build(ControllerNodeParams, names | {k: v for k, v in changed.items() if k in names}, EVENTS)
-        changes[int(np.searchsorted(ledger.publish_time_ns, message.publish_time_ns))] = params
+        known = flatten(params)
+        params = build(ControllerParams, known | {k: v for k, v in changed.items() if k in known}, EVENTS)
+        changes[int(np.searchsorted(ledger, message.publish_time_ns))] = params
     return changes
 
 
 def _parameter_value(value: ParameterValue) -> object:
-    """Return what a rcl_interfaces/ParameterValue holds, by its type number."""
-    name = _KINDS[value.type - 1]
-    found = getattr(value, f"{name}_value")
-    return list(found) if name.endswith("array") else found
+    """Return what a rcl_interfaces/ParameterValue holds: behind its type, fields are in the order of type numbers."""
+    name = value.__slots__[value.type]
+    return list(getattr(value, name)) if name.endswith("array_value") else getattr(value, name)
 
 
-def _complete(bag: Bag, topic: str) -> Series:
-    """Return a topic of which no message is missing."""
-    series = bag.series(topic)
-    if series.count == 0:
-        raise InputError(f"topic {topic} of {bag.path}", got="no messages", expected="the whole run")
-    numbers = series.sequence
+def _complete(bag: Bag, topic: str, read: Callable[[Any], object]) -> list[BagMessage]:
+    """Return the messages of a topic with what `read` makes of each; a topic with lost messages is refused."""
+    what = f"topic {topic} of {bag.path}"
+    messages: list[BagMessage] = []
+    for one in bag.messages(own_topic(bag, topic)):
+        if 2 * RECORD_BYTES * len(messages) > MAX_BYTES:  # a record, and what is read of it
+            raise InputError(what, got="more messages than memory may hold", expected="a shorter bag")
+        messages.append(one._replace(value=read(one.value)))
+    messages.sort(key=attrgetter("log_time_ns"))
+    if not messages:
+        raise InputError(what, got="no messages", expected="the whole run")
+    numbers = np.array([one.sequence for one in messages])
     wrong = np.flatnonzero(np.diff(numbers) != 1)
     if numbers[0] != 0 and len(wrong):
         lost = int(np.ptp(numbers)) + 1 - len(np.unique(numbers))
         before, behind = numbers[wrong[0]], numbers[wrong[0] + 1]
         got = f"{lost} messages lost; the first that does not follow is number {behind} behind number {before}"
-        raise InputError(f"topic {topic} of {bag.path}", got=got, expected="every message, in its publisher's order")
-    return series
+        raise InputError(what, got=got, expected="every message, in its publisher's order")
+    return messages
 
 
-def _entry(row: Sequence[int], contacts: int) -> LedgerEntry:
+def _entry(message: Any, contacts: int) -> LedgerEntry:
+    row = message.data
     behind = 3 + 4 * contacts  # cycle and stamp; the stamps of wrench and slip of each contact; what was decided
     if len(row) not in (behind + 5, behind + 6):  # the last one where references or goals come
         got = f"{len(row)} numbers for {contacts} contacts"
@@ -225,53 +222,39 @@ def _entry(row: Sequence[int], contacts: int) -> LedgerEntry:
     return LedgerEntry(row[0], joint, tuple(used[::2]), tuple(used[1::2]), now, *row[behind + 2 :])
 
 
-def _in_order(series: Series, field: str, joints: tuple[str, ...]) -> list[NDArray[np.float64]]:
-    """Return one array per message in the controller's joint order; an empty field stays empty."""
-    names, rows = series["name"], (np.asarray(row, dtype=np.float64) for row in series[field])
-    return [
-        readonly(row[joint_indices(joints, tuple(name))] if len(row) else row)
-        for name, row in zip(names, rows, strict=True)
-    ]
+def _samples(bag: Bag, topic: str, read: Callable[[Any], Sample]) -> dict[int, Sample]:
+    """Return the samples of a topic by their stamps, without those that the controller refused."""
+
+    def accepted(message: Any) -> Sample | None:
+        with contextlib.suppress(InputError):
+            return read(message)
+        return None
+
+    samples = (one.value for one in _complete(bag, topic, accepted))
+    return {sample.stamp_ns: sample for sample in samples if sample is not None}
 
 
-def _joints(series: Series, joints: tuple[str, ...]) -> dict[int, JointSample]:
-    columns = (_in_order(series, field, joints) for field in ("position", "velocity", "effort"))
-    return {row[0]: JointSample(*row) for row in zip(series.stamps.tolist(), *columns, strict=True)}
-
-
-def _samples(bag: Bag, topic: str, make: Callable[[int, Any], Sample], *fields: str) -> dict[int, Sample]:
-    """Return what is made of a stamp and a row of numbers, by its stamp."""
-    series = _complete(bag, topic)
-    rows = series[fields[0]] if fields[0] in series else series.columns(*fields)
-    found = zip(series.stamps.tolist(), rows, strict=True)
-    return {stamp: make(stamp, readonly(np.array(row, dtype=np.float64))) for stamp, row in found}
-
-
-def _wrenches(bag: Bag, topic: str, params: ControllerNodeParams) -> dict[int, WrenchSample]:
+def _wrenches(bag: Bag, topic: str, params: ControllerParams) -> dict[int, WrenchSample]:
     if params.wrench.source == "none":
         return {}
-    return _samples(bag, topic, WrenchSample, "wrench.force", "wrench.torque")
+    return _samples(bag, topic, lambda message: wrench_sample(message, message.header.frame_id))
 
 
-def _slips(bag: Bag, prefix: str, params: ControllerNodeParams) -> dict[int, SlipSample]:
+def _slips(bag: Bag, prefix: str, params: ControllerParams) -> dict[int, SlipSample]:
     """Return the slip velocities that the controller has, or made of displacements or flags."""
     if params.slip_input == "displacement":
-        fields = "pose.position", "pose.orientation"
-        found = map(
-            SlipFromDisplacement(), _samples(bag, f"{prefix}slip_displacement", displacement_sample, *fields).values()
-        )
+        found = map(SlipFromDisplacement(), _samples(bag, f"{prefix}slip_displacement", slip_displacement).values())
         return {slip.stamp_ns: slip for slip in found if slip is not None}
     if params.slip_input == "flag":
-        return _samples(bag, f"{prefix}slip_flag", slip_flag, "position")
-    return _samples(bag, f"{prefix}slip_velocity", slip_sample, "twist.linear", "twist.angular")
+        return _samples(bag, f"{prefix}slip_flag", slip_flags)
+    return _samples(bag, f"{prefix}slip_velocity", lambda message: slip_velocity(message, message.header.frame_id))
 
 
 def _commands(
-    series: Series, ledger: Series, joints: tuple[str, ...], interface: str
+    commands: Sequence[BagMessage], ledger: NDArray[np.int64], interface: str
 ) -> tuple[NDArray[np.float64], ...]:
     """Pair every ledger entry with the command published just before it, by the publisher's own clock."""
-    rows = _in_order(series, interface, joints)
-    found = np.searchsorted(series.publish_time_ns, ledger.publish_time_ns, side="right") - 1
+    found = np.searchsorted([one.publish_time_ns for one in commands], ledger, side="right") - 1
     if (found < 0).any() or (np.diff(found) < 1).any():
         raise InputError(f"{interface}_command", got="fewer messages than cycles", expected="one per ledger entry")
-    return tuple(rows[index] for index in found)
+    return tuple(commands[index].value.numbers for index in found)

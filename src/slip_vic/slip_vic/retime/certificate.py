@@ -13,14 +13,14 @@ import numpy as np
 from slip_core.arrays import Array, inertia_from_six, matrix_from_quat_xyzw
 from slip_core.errors import InputError
 from slip_core.records import new, record
+from slip_core.types import PadMotion
 from slip_sim_bridge.params import BridgeParams
 from slip_vic.retime.path import GivenPath
 from slip_vic.retime.timing import Sample, retimed
+from slip_vic_controller.config.controller import ArmController
 from slip_vic_controller.governor.layouts import GOVERNOR_CONFIG, GovernorConfig
 from slip_vic_controller.law.arm import ARM, Arm
 from slip_vic_controller.params.controller_params import ControllerParams
-from slip_vic_controller.path.joint_path import PadMotion
-from slip_vic_controller.session.controller import ArmController
 from slip_vic_controller.state import CONFIG
 
 TRIES: Final = 4
@@ -109,7 +109,7 @@ def certified(path: GivenPath, controller: ArmController) -> list[Sample]:
         "path",
         got=f"a load of {100.0 * shares.max():.0f} % of the friction at {at:.3f} s, whatever its timing",
         expected=f"at most {100.0 * margin:.0f} %",
-        fix="a path without noise: it bends between its points",
+        fix="smooth the path: it bends between its points",
     )
 
 

@@ -10,13 +10,13 @@ from slip_core.arrays import Array, inertia_from_six, matrix_from_quat_xyzw
 from slip_core.errors import InputError
 from slip_core.records import new, record
 from slip_vic.retime.path import GivenPath
-from slip_vic_controller.governor.layouts import GOVERNOR_CONFIG
+from slip_vic_controller.governor.layouts import GOVERNOR_CONFIG, PATH_MARGIN
 from slip_vic_controller.governor.plan import GRID_POINTS, sample_time
 from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.path.retiming import MEMORY, plan_timing, step_timing, time_derivatives
 
-LONGEST = 30.0
-"""Times the duration of the path as given after which the search for a timing is given up."""
+MOST_SAMPLES = 100_000
+"""Control periods that a path may take, 100 s at 1 kHz: each is a sample in memory and a row of the files."""
 
 
 class Sample(NamedTuple):
@@ -51,15 +51,22 @@ def retimed(path: GivenPath, config: Array, params: ControllerParams) -> list[Sa
     plan_timing(config, memory, np.array(sampled))
     state = grasped.governor
     if state.infeasible:
-        _refuse_too_heavy(path, config, state)
+        carries = float(PATH_MARGIN * state.plan_load)
+        needs, at_s = float(state.weight_load), float(state.heaviest_time)
+        x, y, z = path.pad(at_s).position
+        raise InputError(
+            "path",
+            got=f"holding the weight needs {needs:.3g} N at {at_s:.3f} s, x {x:.3f}, y {y:.3f}, z {z:.3f} m",
+            expected=f"at most {carries:.3g} N, which friction can carry with its margin",
+            fix="more grip, a path on which the weight lies less in the pad's plane, or a smaller governor.margin",
+        )
     rates, samples = np.zeros(2), [Sample(path, 0.0, 0.0, 0.0)]
-    most = round(LONGEST * path.duration / period_s)
     while not (state.arrived == 1 and state.out_rate == 0.0):
-        if len(samples) > most:
+        if len(samples) > MOST_SAMPLES:
             share = 100.0 * samples[-1].time / path.duration
             raise InputError(
                 "timing", got=f"{share:.0f} % of the path after {len(samples) * period_s:.0f} s",
-                expected="the end of the path", fix="more grip or friction, or a path without noise",
+                expected="the end of the path", fix="more grip or friction, or a smooth path",
             )  # fmt: skip
         pad = path.pad(float(state.time))
         step_timing(config, memory, pad.rotation, pad.twist, pad.acceleration, period_s)
@@ -68,15 +75,3 @@ def retimed(path: GivenPath, config: Array, params: ControllerParams) -> list[Sa
         samples.append(Sample(path, float(state.out_time), float(rates[0]), float(rates[1])))
     # It may come to rest within what counts as arrived, short of the end by less than 1e-6 of the path.
     return [*samples[:-1], samples[-1]._replace(time=path.duration)]
-
-
-def _refuse_too_heavy(path: GivenPath, config: Array, state: Any) -> None:
-    heaviest_s, weight = float(state.heaviest_time), float(state.weight_load)
-    carries = float(record(config, GOVERNOR_CONFIG).path_margin * state.plan_load)
-    x, y, z = path.pad(heaviest_s).position
-    raise InputError(
-        "path",
-        got=f"holding the weight needs {weight:.3g} N at {heaviest_s:.3f} s, x {x:.3f}, y {y:.3f}, z {z:.3f} m",
-        expected=f"at most {carries:.3g} N, which friction can carry with its margin",
-        fix="more grip, a path on which the weight lies less in the pad's plane, or a smaller governor.margin",
-    )

@@ -1,8 +1,9 @@
 """A run as data: channels with their own times, by name; a bag and a run in this process give the same form.
 
-joints (n) [rad, m], joint_velocity (n); effort (n) [N m]; slip (6) [m, rad] {p}, slip_velocity (6) pad axes; wrench (6)
-of the object on the pad {ee}; internal (6) pad axes: the wrench with which several arms work against each other; law:
-the symbols of the controller. A run has the channels that were measured.
+joints (n) [rad, m], joint_velocity (n), joint_effort (n) [N m]: as measured; effort (n) [N m]: as commanded; slip (6)
+[m, rad] {p}, slip_velocity (6) pad axes: the truth, on a real arm slip_measured; slip_measured (6): of the sensor;
+wrench (6) of the object on the pad {ee}; internal (6) pad axes: the wrench with which several arms work against each
+other; law: the symbols of the controller. A run has the channels that were measured.
 """
 
 from __future__ import annotations
@@ -21,22 +22,22 @@ from slip_core.arrays import Array
 from slip_core.errors import InputError, UnknownName
 from slip_core.files.plain_yaml import read_yaml
 from slip_core.params import flat_names
+from slip_core.topics import TOPICS
 from slip_core.types import AXES, INTERFACES
 
 OF_TOPICS: Final[Mapping[str, tuple[str, ...]]] = {
     "joints": ("joint_states", "position"),
     "joint_velocity": ("joint_states", "velocity"),
+    "joint_effort": ("joint_states", "effort"),
     "slip": ("slip_truth", "position"),
     "slip_velocity": ("slip_truth", "velocity"),
+    "slip_measured": ("slip_velocity", "twist.linear", "twist.angular"),
     "wrench": ("wrench", "wrench.force", "wrench.torque"),
     "internal": ("internal_wrench", "wrench.force", "wrench.torque"),
     "law": ("controller/scalars", "position"),
 }
 """Channel: topic, and its field or the fields of which it has the components."""
 COMMAND_TOPICS: Final = tuple(f"{interface}_command" for interface in INTERFACES)
-MEASURED_SLIP: Final = ("slip_velocity", "twist.linear", "twist.angular")
-"""Of a bag without the truth."""
-FACTS: Final = ("scenario", "seed", "git_revision")
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,24 +112,38 @@ class RunData:
         return max(float(arm.channel("joints").times[-1]) for arm in self.arms)
 
 
+def own_topic(bag: Bag, topic: str) -> str:
+    """Return a topic of the suite that is to be read, with the message type that it has here.
+
+    Raises:
+        InputError: the bag has none of this name, or one of another type.
+    """
+    got, types = bag.topic(topic).type_name, {row.name: row.type for row in TOPICS.values()}
+    expected = types.get(max((name for name in types if topic.endswith(f"/{name}")), key=len, default=""), got)
+    if got != expected:
+        fix = "record it under another name, or leave it out"
+        raise InputError(f"topic {topic} of {bag.path}", got=got, expected=expected, fix=fix)
+    return topic
+
+
 def read_data(path: Path) -> RunData:
     """Read a recorded run.
 
     Raises:
         InputError: no bag, a damaged one, or one without joint states or the arm's description.
     """
-    with Bag(path) as bag:
-        arms = _topics(bag)
-        start_ns = min(int(bag.series(topics["joint_states"]).stamps[0]) for topics in arms.values())
-        ends = ("/object_state", "/object/state")
-        topic = next((name for name, info in bag.topics.items() if name.endswith(ends) and info.message_count), None)
-        fields = "pose.pose.position", "pose.pose.orientation"
-        return RunData(
-            tuple(_read_arm(bag, name, topics, start_ns) for name, topics in arms.items()),
-            None if topic is None else _channel(bag.series(topic), start_ns, *fields),
-            _parameters(bag, "bridge.params.yaml", next(iter(arms))),
-            {name: bag.custom_data[name] for name in FACTS if name in bag.custom_data} | _versions(bag),
-        )
+    bag = Bag(path)
+    arms = _topics(bag)
+    start_ns = min(int(bag.series(own_topic(bag, topics["joint_states"])).stamps[0]) for topics in arms.values())
+    ends = ("/object_state", "/object/state")
+    topic = next((name for name, info in bag.topics.items() if name.endswith(ends) and info.message_count), None)
+    fields = "pose.pose.position", "pose.pose.orientation"
+    return RunData(
+        tuple(_read_arm(bag, name, topics, start_ns) for name, topics in arms.items()),
+        None if topic is None else _channel(bag.series(own_topic(bag, topic)), start_ns, *fields),
+        _parameters(bag, "bridge.params.yaml", next(iter(arms))),
+        {name: bag.custom_data[name] for name in ("scenario", "seed") if name in bag.custom_data} | software_of(bag),
+    )
 
 
 def _topics(bag: Bag) -> dict[str, dict[str, str]]:
@@ -144,14 +159,17 @@ def _topics(bag: Bag) -> dict[str, dict[str, str]]:
 
 
 def _read_arm(bag: Bag, name: str, topics: Mapping[str, str], start_ns: int) -> ArmData:
-    wanted = {topic for topic, *_ in (*OF_TOPICS.values(), MEASURED_SLIP)} | set(COMMAND_TOPICS)
-    series = {topic: bag.series(topics[topic]) for topic in wanted & topics.keys()}
-    sources = {"slip_velocity": MEASURED_SLIP} | {k: v for k, v in OF_TOPICS.items() if v[0] in series}
+    wanted = {topic for topic, *_ in OF_TOPICS.values()} | set(COMMAND_TOPICS)
+    series = {topic: bag.series(own_topic(bag, topics[topic])) for topic in wanted & topics.keys()}
     channels = {
         channel: _channel(series[topic], start_ns, *fields)
-        for channel, (topic, *fields) in sources.items()
+        for channel, (topic, *fields) in OF_TOPICS.items()
         if topic in series
     }
+    if "slip_measured" in channels:
+        channels.setdefault("slip_velocity", channels["slip_measured"])
+    if channels["joint_effort"].rows.shape != channels["joints"].rows.shape:
+        del channels["joint_effort"]
     for commands in [series[topic] for topic in COMMAND_TOPICS if topic in series][:1]:
         given = np.array([len(row) > 0 for row in commands["effort"]])
         if given.any():
@@ -175,36 +193,47 @@ def _read_arm(bag: Bag, name: str, topics: Mapping[str, str], start_ns: int) -> 
 
 def _channel(series: Series, start_ns: int, *fields: str) -> Channel:
     rows = series[fields[0]] if fields[0] in series else series.columns(*fields)
+    if rows.ndim != 2:
+        got, fix = f"{fields[0]} of varying length", "record one publisher of it"
+        raise InputError(f"topic {series.topic}", got=got, expected="as many numbers in each message", fix=fix)
     return Channel(np.array((series.stamps - start_ns) * 1e-9, dtype=np.float64), rows)
 
 
 def _modes(bag: Bag, topic: str | None, states: Series, start_ns: int) -> tuple[tuple[float, str], ...]:
     """Return the texts of a mode's topic, each since when [s]: the stamp of the joint state received last before it."""
     found = []
-    for message in bag.messages(topic) if topic else ():
+    for message in bag.messages(own_topic(bag, topic)) if topic else ():
         place = max(0, int(np.searchsorted(states.log_time_ns, message.log_time_ns, side="right")) - 1)
         found.append((1e-9 * float(states.stamps[place] - start_ns), str(message.value.data)))
     return tuple(found)
 
 
 def urdf_of(bag: Bag, arm: str = "") -> str:
-    """Return the URDF of an arm of a bag, by its namespace.
+    """Return the URDF of an arm of a bag, by its namespace; where that has none, the one at the root.
 
     Raises:
         InputError: the bag has none.
     """
-    topic = bag.ending("robot_description", arm)
-    if topic is not None and bag.topics[topic].message_count:
-        return str(next(iter(bag.messages(topic))).value.data)
+    root, own = "/robot_description", f"/{arm}/robot_description".replace("//", "/")
+    for topic in (*(name for name in bag.topics if name.endswith(own)), root):
+        if topic in bag.topics and bag.topics[topic].message_count:
+            return str(next(bag.messages(own_topic(bag, topic))).value.data)
     for name in (f"{arm}.urdf", "arm.urdf"):
         if name in bag.attachments:
             return bag.attachments[name].decode("utf-8")
     raise InputError(f"bag {bag.path}", got="no robot_description", expected="the arm's URDF, as topic or attachment")
 
 
-def _versions(bag: Bag) -> dict[str, str]:
+def software_of(bag: Bag) -> dict[str, str]:
+    """Return the commit and the versions that a bag was recorded with, by name.
+
+    Raises:
+        InputError: its versions are not names and texts.
+    """
+    commit = {name: text for name, text in bag.custom_data.items() if name == "git_revision"}
     try:
-        return {name: str(value) for name, value in sorted(read_yaml(bag.custom_data.get("versions", "{}")).items())}
+        versions = sorted(read_yaml(bag.custom_data.get("versions", "{}")).items())
+        return commit | {name: str(value) for name, value in versions}
     except (yaml.YAMLError, AttributeError, TypeError, ValueError) as error:
         raise InputError(f"versions of {bag.path}", got=str(error), expected="names and versions") from None
 

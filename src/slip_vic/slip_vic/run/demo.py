@@ -7,7 +7,7 @@ import shlex
 import shutil
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -25,16 +25,14 @@ from slip_vic.run.metrics import summary_table
 from slip_vic.run.progress import progress
 from slip_vic.run.run import Run
 from slip_vic.run.versions import versions
-from slip_vic.scenarios.scenario import GOVERNED, Law, Scenario, load_scenario, read_parameters
+from slip_vic.scenarios.scenario import GOVERNED, Law, Scenario, load, read_parameters
 
 Numbers = dict[str, Any]
 ORDER: tuple[Law, ...] = ("classical", "vic", "governed", "governed_follow")
 
 
-def run_demo(
-    choice: Choice, out: Path, console: Console, domain: int | None = None, *, in_process: bool = False
-) -> dict[str, Any]:
-    """Run all controllers, write page, ``summary.json`` and bags into `out`, return the summary.
+def run_demo(choice: Choice, out: Path, console: Console, domain: int | None = None) -> dict[str, Any]:
+    """Run all controllers over DDS, write page, ``summary.json`` and bags into `out`, return the summary.
 
     Nothing is written into `out` before all runs are complete: bags are recorded beside it and moved in.
 
@@ -42,8 +40,7 @@ def run_demo(
         choice: the scenario; its law does not count.
         out: folder.
         console: shows what runs.
-        domain: ROS domain id; None: ROS_DOMAIN_ID or a free one.
-        in_process: without DDS and bags: seconds instead of a minute.
+        domain: ROS domain id; None: a free one.
 
     Raises:
         InputError: bad scenario or parameter, or an output folder that cannot be written.
@@ -53,56 +50,35 @@ def run_demo(
         scenario.check()
     shown = loaded["vic"]
     with own_folder(out), tempfile.TemporaryDirectory(prefix=".run.", dir=out) as folder:
-        staging = Path(folder)
-        done = _in_process(loaded, console) if in_process else _over_dds(loaded, staging, console, domain)
-        runs, numbers = dict[str, RunData](), dict[str, Numbers]()
-        for law, (run, counted) in zip(loaded, done, strict=True):
-            runs[law], bag = run.data, {} if in_process else {"bag": str(out / law)}
-            numbers[law] = numbers_of(run) | counted | bag
+        staging, runs, numbers = Path(folder), dict[str, RunData](), dict[str, Numbers]()
+        with progress(console, unit=" s") as add_bar:
+            bars = {law: add_bar(f"{shown.name} {law}", shown.duration_s) for law in loaded}
+            for law, scenario in loaded.items():
+                result = Launcher(scenario, bag=staging / law, wanted_domain=domain).run(bars[law])
+                run = judge_bag(staging / law, scenario, result.incidents)
+                runs[law] = run.data
+                numbers[law] = numbers_of(run) | {
+                    "ticks": result.ticks,
+                    "real_time_factor": result.real_time_factor,
+                    "messages": result.messages,
+                    "messages_lost": result.lost,
+                    "incidents": [str(incident) for incident in result.incidents],
+                    "bag": str(out / law),
+                }
         ends = {law: str(own["reason"]) for law, own in numbers.items() if own["reason"]}
         command = shlex.join(["slip-vic", *sys.argv[1:]])
         write_page(staging / "report.html", runs, command=command, description=shown.description, ends=ends)
         summary = {"scenario": shown.name, "seed": shown.seed, "versions": dict(versions()), "runs": numbers}
         (staging / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
-        table = comparison_table(shown.name, numbers)
         for item in staging.iterdir():
             target = out / item.name
             if target.is_dir():
                 shutil.rmtree(target)
             item.replace(target)
     console_out = Console()
-    console_out.print(table)
+    console_out.print(comparison_table(shown.name, numbers))
     console_out.print(f"page: {out / 'report.html'}\nsummary: {out / 'summary.json'}", soft_wrap=True)
     return summary
-
-
-def _over_dds(
-    loaded: Mapping[Law, Scenario], folder: Path, console: Console, domain: int | None
-) -> Iterator[tuple[Run, Numbers]]:
-    """Run as processes and record a bag of each into `folder`; yield the runs, and what their processes count."""
-    with progress(console, unit=" s") as add_bar:
-        bars = {law: add_bar(f"{made.name} {law}", made.duration_s) for law, made in loaded.items()}
-        for law, scenario in loaded.items():
-            result = Launcher(scenario, bag=folder / law, wanted_domain=domain).run(bars[law])
-            yield (
-                judge_bag(folder / law, scenario, result.incidents),
-                {
-                    "ticks": result.ticks,
-                    "real_time_factor": result.real_time_factor,
-                    "messages": result.messages,
-                    "messages_lost": result.lost,
-                    "incidents": [str(incident) for incident in result.incidents],
-                },
-            )
-
-
-def _in_process(loaded: Mapping[Law, Scenario], console: Console) -> Iterator[tuple[Run, Numbers]]:
-    """Run in this process, as `_over_dds` does."""
-    for law, scenario in loaded.items():
-        with console.status(f"{scenario.name} {law}"):
-            run = scenario.run()
-        ticks = max((len(arm.channel("law").times) for arm in run.data.arms), default=0)
-        yield run, {"ticks": ticks, "incidents": [run.reason] if run.outcome != "ok" else []}
 
 
 def numbers_of(run: Run) -> Numbers:
@@ -120,7 +96,7 @@ def all_laws(choice: Choice) -> dict[Law, Scenario]:
     file = choice["parameters"]
     given = {} if file is None else read_parameters(file)
     common = {name: value for name, value in given.items() if name not in ("controller", "grip.control", *GOVERNED)}
-    return {law: load_scenario(**choice | {"law": law, "parameters": common}) for law in ORDER}
+    return {law: load(**choice | {"law": law, "parameters": common}) for law in ORDER}
 
 
 def comparison_table(scenario: str, runs: Mapping[str, Mapping[str, Any]]) -> Table:
@@ -128,8 +104,7 @@ def comparison_table(scenario: str, runs: Mapping[str, Mapping[str, Any]]) -> Ta
     table = Table("", *(Column(name, justify="right") for name in runs), title=f"{scenario}: what each law does")
     for label, texts in summary_table(runs).iterrows():
         table.add_row(escape(str(label)), *texts)
-    if all("real_time_factor" in run for run in runs.values()):
-        table.add_row("simulated / wall time", *(f"{run['real_time_factor']:.2f}" for run in runs.values()))
+    table.add_row("simulated / wall time", *(f"{run['real_time_factor']:.2f}" for run in runs.values()))
     if any(run["outcome"] != "ok" for run in runs.values()):
         table.add_row("outcome", *(str(run["outcome"]) for run in runs.values()))
     return table

@@ -1,4 +1,4 @@
-"""A ROS domain of one's own: locked while in use, and without nodes of others.
+"""Choose a ROS domain: locked while in use, and without other nodes.
 
 A lock is a file because it must hold across network namespaces; the ports of DDS do not. The ports show the nodes that
 are not of this suite.
@@ -77,13 +77,13 @@ def has_nodes(domain: int) -> bool:
 def check_alone(domain: int, topics: Iterable[str]) -> None:
     """Listen before a run joins a domain: no other node may publish on its topics.
 
-    topics: with their namespace. Where DDS stays on this machine, its ports show whether there is anybody to hear.
+    topics: with their namespace. Where DDS stays on this machine, its ports show whether other nodes exist.
 
     Raises:
         InputError: another node publishes on one of them.
     """
-    from slip_bags.ros_node import ros_node
     from slip_msgs_py.environment import choose_transport
+    from slip_msgs_py.node_main import ros_node
 
     if choose_transport() and not has_nodes(domain):
         return
@@ -97,18 +97,6 @@ def check_alone(domain: int, topics: Iterable[str]) -> None:
     if heard:
         fix = "stop it, or give another --domain-id or --namespace"
         raise InputError(f"ROS domain {domain}", got=heard, expected="no other publisher of it", fix=fix)
-
-
-def chosen_domain(option: int | None) -> int | None:
-    """Return the domain id of ``--domain-id`` or else of ROS_DOMAIN_ID; None where neither is given.
-
-    Raises:
-        InputError: where DDS has no ports for it.
-    """
-    text = os.environ.get("ROS_DOMAIN_ID", "").strip() if option is None else str(option)
-    if text and not (text.isdecimal() and int(text) <= 232):
-        raise InputError("ROS_DOMAIN_ID", got=text, expected="a whole number from 0 to 232 (0 to 101 is safe)")
-    return int(text) if text else None
 
 
 def _folder() -> Path:

@@ -1,4 +1,4 @@
-"""Both sides in one process and no DDS: the reference that a run over DDS must equal bit for bit."""
+"""Bridge and controller in one process, without DDS: a run over DDS must equal it bit for bit."""
 
 from __future__ import annotations
 
@@ -7,15 +7,12 @@ from dataclasses import replace
 from typing import Any
 
 from slip_core.arrays import Array
-from slip_core.incidents import Incident
-from slip_core.types import DisplacementSample, JointCommand
+from slip_core.types import DisplacementSample, Incident, JointCommand
 from slip_sim_bridge.session import BridgeSession, TickOutputs
 from slip_vic.scenarios.scenario import Scenario
-from slip_vic_controller.session.controller import Controller
-from slip_vic_controller.session.cycle_result import CycleResult
-from slip_vic_controller.session.incidents import IncidentWatch
-from slip_vic_controller.session.manifest import Manifest
-from slip_vic_controller.session.session import ControllerSession
+from slip_vic_controller.config.controller import Controller
+from slip_vic_controller.session.cycle_result import CycleResult, IncidentWatch
+from slip_vic_controller.session.session import ControllerSession, Manifest
 
 
 class Tick:
@@ -91,21 +88,11 @@ class ClosedLoop:
     def __init__(self, scenario: Scenario) -> None:
         self.bridge = BridgeSession(scenario.bridges, scenario.urdfs)
         self.session = ControllerSession(Controller(scenario.controllers, scenario.placed, lockstep=True))
-        self.controller = self.session.arms[0]
-
-    def observe(self) -> TickOutputs:
-        """Return what the bridge measures now."""
-        return self.bridge.observe()
 
     def answer(self, outputs: TickOutputs) -> tuple[CycleResult, ...]:
         """Return the controller's answer to a tick's outputs, of each arm."""
         manifest = Manifest(outputs.tick, outputs.stamp_ns, outputs.counts[0::2], outputs.counts[1::2])
         return answer_tick(self.session, outputs.arms, manifest)
-
-    def control(self, outputs: TickOutputs) -> CycleResult:
-        """Return the controller's answer to a tick's outputs, of the only arm."""
-        (result,) = self.answer(outputs)
-        return result
 
 
 def run_in_process(scenario: Scenario, loop: ClosedLoop | None = None) -> Iterator[Tick]:
@@ -114,7 +101,7 @@ def run_in_process(scenario: Scenario, loop: ClosedLoop | None = None) -> Iterat
     followed = [k for k, params in enumerate(scenario.bridges.values()) if params.grip.control == "follow"]
     watches, lost = {name: IncidentWatch() for name in scenario.controllers}, False
     while not loop.bridge.finished:
-        outputs = loop.observe()
+        outputs = loop.bridge.observe()
         results = loop.answer(outputs)
         found = [] if lost or loop.bridge.lost is None else [loop.bridge.lost]
         lost |= bool(found)

@@ -10,13 +10,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from slip_core.errors import InputError, ProtocolError
-from slip_core.incidents import Incident
-from slip_msgs_py.environment import check_ros
-from slip_msgs_py.events import Event
+from slip_core.types import Incident
+from slip_msgs_py.environment import Event, check_ros
 from slip_msgs_py.stop_flag import StopFlag
 from slip_vic.run.commands import native_command, node_command, recorded_topics, recorder_command
-from slip_vic.run.domain import check_alone, chosen_domain, domain_id
-from slip_vic.run.processes import ANYWHERE, Child, ProcessGroup, Scheduling, child_environment
+from slip_vic.run.domain import check_alone, domain_id
+from slip_vic.run.processes import Child, ProcessGroup, child_environment, placed
 from slip_vic.scenarios.scenario import Scenario
 
 POLL_S = 0.02
@@ -29,7 +28,7 @@ class RunResult:
 
     timing: in real time the share of fresh ticks, overruns, states missed by the controller and state-to-command
     latencies [s]; else empty.
-    warnings: what the system refused, one line each.
+    warnings: of the processes, one line each.
     incidents: what went wrong although no process failed, in the order of its time.
     """
 
@@ -52,17 +51,18 @@ class RunResult:
 class Launcher:
     """One run of a scenario.
 
+    In real time bridge and controller have one of the last two cores each, and the recorder the others.
+
     Args:
         scenario: parameters of both nodes.
         bag: folder to record into, None records nothing; it must not exist yet.
-        wanted_domain: ROS domain id, None takes ROS_DOMAIN_ID or a free one.
+        wanted_domain: ROS domain id; None: a free one.
         namespace: ROS namespace of all nodes.
-        scheduling: of bridge and controller: one core for both, or the bridge's and the controller's; without cores, in
-            real time the last two. The recorder runs on the others.
+        fifo: SCHED_FIFO priority of bridge and controller, 1 to 99; None: they have a normal one.
         native: folder of a `slip-vic export` whose node is the controller; None: the Python node.
 
     Raises:
-        InputError: parameters and URDF that do not fit, a bag folder that is taken, a domain out of range.
+        InputError: parameters and URDF that do not fit, a bag folder that is taken.
     """
 
     def __init__(
@@ -72,15 +72,14 @@ class Launcher:
         bag: Path | None = None,
         wanted_domain: int | None = None,
         namespace: str = "",
-        scheduling: Scheduling = ANYWHERE,
+        fifo: int | None = None,
         native: Path | None = None,
     ) -> None:
-        self._scenario, self._native = scenario, native
-        self._bag = bag
+        self._scenario, self._bag, self._native = scenario, bag, native
         self._on_progress: Callable[[float], None] = lambda _: None
-        self._wanted_domain = chosen_domain(wanted_domain)
+        self._wanted_domain = wanted_domain
         self._namespace = f"/{namespace.strip('/')}" if namespace else ""
-        self._scheduling = _with_cores(scheduling, scenario.arms[0][1].mode)
+        self._fifo = fifo
         self.warnings: list[str] = []
         self._incidents: list[Incident] = []
         self._stop = StopFlag()
@@ -112,23 +111,24 @@ class Launcher:
             ProcessGroup() as group,
         ):
             if self._wanted_domain is not None:
-                topics = (name for name, _ in recorded_topics(self._scenario) if not name.startswith("/"))
+                topics = (name for name in recorded_topics(self._scenario) if not name.startswith("/"))
                 check_alone(domain, (f"{self._namespace}/{name}" for name in topics))
             on_domain(domain)
             return self._supervise(group, domain, Path(folder))
 
     def _supervise(self, group: ProcessGroup, domain: int, folder: Path) -> RunResult:
-        environment = child_environment(domain)
-        recording = self._bag is not None
-        scenario = self._scenario
+        environment, scenario = child_environment(domain), self._scenario
         # The bridge starts last: it needs the others, and its first output is the run's first tick.
-        cores, words = self._scheduling.cores, ["-r", f"__ns:={self._namespace}"] if self._namespace else []
-        order: list[tuple[str, list[str], Scheduling]] = []
+        words = ["-r", f"__ns:={self._namespace}"] if self._namespace else []
+        free = sorted(os.sched_getaffinity(0))
+        cores = free[-2:] if scenario.first.mode == "realtime" and len(free) > 1 else []
+        order: dict[str, list[str]] = {}
         if self._bag is not None:
-            others = os.sched_getaffinity(0) - set(cores) if cores else ()
             recorder = recorder_command(scenario, self._bag, folder, self._namespace)
-            order.append(("recorder", recorder, Scheduling(tuple(others))))
-        counts = {"expected_subscribers": 2 if recording else 1}  # each waits for the other one and the recorder
+            order["recorder"] = placed(recorder, free[:-2] if cores else ())
+        counts = {
+            "expected_subscribers": 1 if self._bag is None else 2
+        }  # each waits for the other one and the recorder
         ready = replace(
             scenario,
             controllers={name: params.model_copy(update=counts) for name, params in scenario.controllers.items()},
@@ -136,15 +136,14 @@ class Launcher:
         )
         for name, own in (("controller", cores[-1:]), ("bridge", cores[:1])):
             if name == "controller" and self._native is not None:
-                command = native_command(self._native, ready.arms[0][1], *words)
+                command = native_command(self._native, next(iter(ready.controllers.values())), *words)
             else:
                 command = node_command(name, getattr(ready, name), folder, *words)
-            order.append((name, command, replace(self._scheduling, cores=own)))
-        children = {name: group.add(Child(name, argv, environment, self.note, how)) for name, argv, how in order}
+            order[name] = placed(command, own, self._fifo)
+        children = {name: group.add(Child(name, argv, environment, self.note)) for name, argv in order.items()}
         self._wait(group, children["bridge"])
         group.stop([children["controller"]])
-        if recording:
-            group.stop([children["recorder"]])
+        group.stop([child for child in group.children if child.name == "recorder"])
         group.check()
         result = self._result(children)
         self._on_progress(result.sim_time_s)
@@ -161,7 +160,7 @@ class Launcher:
 
     def _wait(self, group: ProcessGroup, bridge: Child) -> None:
         """Wait for the end of the bridge, which does not wait for the other processes without end."""
-        while bridge.exit_code is None:
+        while bridge.poll() is None:
             time.sleep(POLL_S)
             if self._stop():
                 # Without a recorder no process needs what is still on its way.
@@ -173,10 +172,11 @@ class Launcher:
             group.check()
 
     def _result(self, children: dict[str, Child]) -> RunResult:
-        done = children["bridge"].results
+        done, controller = children["bridge"].results, children["controller"].results
         recorded = children["recorder"].results if self._bag else {}
         if not done:
             raise ProtocolError(f"bridge ended without a result; last lines:\n{children['bridge'].tail()}")
+        timed = {**done, **controller} if self._scenario.first.mode == "realtime" else {}
         return RunResult(
             ticks=int(done["ticks"]),
             sim_time_s=float(done["sim_time_s"]),
@@ -184,25 +184,10 @@ class Launcher:
             bag=self._bag,
             messages=int(recorded.get("messages", 0)),
             lost=int(recorded.get("lost", 0)),
-            timing=self._timing(children),
+            timing={key: float(value) for key, value in timed.items() if key.startswith(TIMING)},
             warnings=tuple(self.warnings),
             incidents=tuple(sorted(self._incidents, key=lambda incident: incident.time_s)),
         )
-
-    def _timing(self, children: dict[str, Child]) -> dict[str, float]:
-        """Collect what bridge and controller said of a real-time run."""
-        if self._scenario.arms[0][1].mode != "realtime":
-            return {}
-        said = {**children["bridge"].results, **children["controller"].results}
-        return {key: float(value) for key, value in said.items() if key.startswith(TIMING)}
-
-
-def _with_cores(scheduling: Scheduling, mode: str) -> Scheduling:
-    """Choose the cores where none are chosen: in real time one each, bridge and controller may be busy all the time."""
-    cores = tuple(sorted(os.sched_getaffinity(0)))
-    if mode != "realtime" or scheduling.cores or len(cores) < 2:
-        return scheduling
-    return replace(scheduling, cores=cores[-2:])
 
 
 def _check_new_folder(bag: Path) -> None:

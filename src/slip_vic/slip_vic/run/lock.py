@@ -1,4 +1,4 @@
-"""Files that one process locks while others wait, or choose another; a lock ends with its process."""
+"""Lock files: one process holds the lock, others wait or choose another file; a lock ends with its process."""
 
 from __future__ import annotations
 

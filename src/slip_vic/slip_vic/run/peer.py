@@ -1,12 +1,15 @@
-"""How a command listens to topics and calls services: it polls, its node is in no executor."""
+"""Topics and services for a command: it polls, its node is in no executor."""
 
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from typing import Any
 
+from rcl_interfaces.srv import GetParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 
@@ -25,13 +28,13 @@ class Listener(RawSubscription):
 
     def take(self) -> list[tuple[int, Any]]:
         """Return the messages that have arrived, each with the time of its arrival [ns]."""
-        return [(one.log_time_ns, deserialize_message(one.data, self.kind)) for one in self.drain()]
+        return [(one.log_time_ns, deserialize_message(one.value, self.kind)) for one in self.drain()]
 
     def see(self) -> bool:
-        """Let `newest` be the newest message, the others are not decoded; return whether one has arrived."""
+        """Decode only the newest message, into `newest`; return whether one has arrived."""
         last = deque(self.drain(), maxlen=1)
         if last:
-            self.newest = deserialize_message(last[0].data, self.kind)
+            self.newest = deserialize_message(last[0].value, self.kind)
         return bool(last)
 
 
@@ -63,3 +66,9 @@ class Asker:
         if future.result() is None:
             raise ProtocolError(f"{service} did not answer within {seconds:g} s")
         return future.result()
+
+    def parameters(self, node: str, names: Sequence[str], seconds: float) -> dict[str, Any]:
+        """Return the parameters of these names that a node has, by name; raises as `call` does."""
+        answer = self.call(GetParameters, f"{node}/get_parameters", GetParameters.Request(names=[*names]), seconds)
+        values = zip(names, map(parameter_value_to_python, answer.values), strict=True)
+        return {name: list(v) if hasattr(v, "typecode") else v for name, v in values if v is not None}

@@ -1,4 +1,4 @@
-"""Compile the formulas once on a machine, before processes that start together all begin to."""
+"""Compile the formulas once per machine, before several processes start to do so together."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from typing import Final
 from rich.console import Console
 
 from slip_core.errors import InputError
-from slip_msgs_py.stop_flag import end_with, ending_at_once
+from slip_msgs_py.stop_flag import end_with, ending
 from slip_vic.run.lock import locked
 from slip_vic.run.progress import Report, progress
 from slip_vic.run.versions import digest, versions
@@ -36,7 +36,7 @@ def prepare() -> None:
     """Import and compile everything that a case runs; one process of a machine compiles while the others wait.
 
     What was compiled is noted beside the user's other caches, so that workers that come later do not wait for each
-    other. The note names the folder of the machine code, and counts for nothing where that is gone.
+    other. The note names the folder of the machine code, and is ignored if that is gone.
     """
     from slip_core.compiled import (  # numba takes a second to load: only where something compiles
         make_folder,
@@ -48,11 +48,16 @@ def prepare() -> None:
     note = cache / f"compiled-{digest([repr((sorted(versions().items()), _processor())).encode()])}"
     if os.environ.get("NUMBA_DISABLE_JIT") == "1":
         return
-    with ending_at_once(InputError.exit_code, "error: interrupted"):  # no handler of Python runs inside the compiler
+    with ending(_interrupted):  # no handler of Python runs inside the compiler
         with locked(note.with_suffix(".lock"), _waits):
             if not (note.exists() and Path(note.read_text(encoding="utf-8")).is_dir()):
                 note.write_text(_compile_in_two(), encoding="utf-8")
         _compile(MODULES)
+
+
+def _interrupted(_number: int) -> None:
+    os.write(sys.stderr.fileno(), b"error: interrupted\n")
+    os._exit(InputError.exit_code)
 
 
 def compile_beside(parent: int) -> None:
@@ -62,13 +67,13 @@ def compile_beside(parent: int) -> None:
 
 
 def _compile_in_two() -> str:
-    """Compile everything; return the folder in which the last module keeps its machine code."""
+    """Compile everything; return the folder of the longest module's machine code."""
     program = f"from {__name__} import compile_beside; compile_beside({os.getpid()})"
     # A session of its own: Ctrl-C reaches this process alone.
     with subprocess.Popen([sys.executable, "-c", program], stdin=subprocess.DEVNULL, start_new_session=True), _shown():
-        importlib.import_module(LONGEST)
+        longest = importlib.import_module(LONGEST)
     _compile(MODULES)  # whatever the other one has not
-    return str(importlib.import_module("numba.core.config").CACHE_DIR)
+    return str(importlib.import_module("slip_core.compiled").code_folder(Path(str(longest.__file__)).parents[1]))
 
 
 @contextlib.contextmanager

@@ -37,19 +37,16 @@ def progress(console: Console, *, unit: str = "") -> Iterator[AddBar]:
 
         def add(name: str, total: float, done: int = 0) -> Report:
             task = bars.add_task(name, total=total, completed=done, remark="")
-            began, said_s = list[tuple[float, float]](), 0.0
+            said_s = bars.get_time()
 
             def report(now: float, remark: str = "") -> None:
                 nonlocal said_s
                 bars.update(task, completed=round(now, 1), remark=remark)
-                time_s = bars.get_time()
-                if not began:  # what comes before is not its own time
-                    began.append((time_s, now))
-                    said_s = time_s
-                if not console.is_terminal and (now == total or time_s >= said_s + EVERY_S):
-                    said_s = time_s
-                    left_s = (time_s - began[0][0]) * (total - now) / max(now - began[0][1], 1e-9)
-                    parts = f"{name}: {round(now, 1):g} of {total:g}{unit} done", f"{left_s:.0f} s left" * (now < total)
+                if not console.is_terminal and (now == total or bars.get_time() >= said_s + EVERY_S):
+                    said_s = bars.get_time()
+                    left_s = bars.tasks[task].time_remaining
+                    parts = [f"{name}: {round(now, 1):g} of {total:g}{unit} done"]
+                    parts += [f"{left_s:.0f} s left"] if left_s else []
                     console.print(", ".join(filter(None, (*parts, remark))), highlight=False)
 
             return report

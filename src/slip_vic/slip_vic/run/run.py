@@ -1,4 +1,4 @@
-"""A run that is over: how it ended, its numbers, every tick as a table, the page; wherever its data are from."""
+"""A finished run: outcome, numbers, every tick as a table, and the page; from any source of data."""
 
 from __future__ import annotations
 
@@ -21,25 +21,25 @@ if TYPE_CHECKING:
     from slip_vic.scenarios.scenario import Scenario
 
 Outcome = Literal["ok", "lost", "fault", "refused", "saturated", "held", "crashed", "failed"]
-"""lost: the object left a pad, the pad left its path, or the simulation has no numbers any more. fault: the controller
-gave up. refused: parameters that do not fit, or a path that cannot be followed. saturated: the arm has not the effort.
-held: the law never began, or the mode machine stopped it for a while. crashed: a process died. failed: a law of one's
-own did what a law must not do."""
+"""lost: the object left a pad, the pad left its path, or the simulation diverged. fault: the controller is in FAULT.
+refused: inconsistent parameters, or a path that cannot be followed. saturated: the arm lacks effort. held: the law
+never started, or was interrupted by HOLD. crashed: a process died. failed: your own law raised or returned invalid
+numbers."""
 
 ENDS: Final = ("lost", "fault")
-"""Outcomes after which a run has nothing more to show."""
+"""Outcomes that end a run."""
 
 
 @dataclass(frozen=True)
 class Run:
-    """A run of a scenario: outcome, reason (empty where all is well) and its data.
+    """A run of a scenario: outcome, reason (empty if it is ok) and its data.
 
         run = slip_vic.load("paper_planar", law="governed").run()
         print(run.slip_mm, run.outcome)
         run.frame().plot(x="time_s", y="slip_linear_mm")
         run.page("out/run.html")
 
-    Where several arms hold the object, a number is that of the worst of them.
+    With several arms, a number is that of the worst one.
     """
 
     scenario: Scenario
@@ -78,26 +78,26 @@ class Run:
 
     @property
     def arrival_s(self) -> float:
-        """From when on the pad stays within 1 mm and 0.5 degrees of its goal [s]; NaN where it does not."""
+        """Time from which the pad stays within 1 mm and 0.5 degrees of its goal [s]; NaN if it does not."""
         return self.worst("arrival_s")
 
     @property
     def internal_force_n(self) -> float:
-        """The largest force with which several arms work against each other in the slip plane [N]; NaN of one arm."""
+        """The largest internal force between several arms in the slip plane [N]; NaN for one arm."""
         rows = [arm.channels["internal"].rows for arm in self.data.arms if "internal" in arm.channels]
         return float(max((np.linalg.norm(own[:, :2], axis=1).max() for own in rows), default=math.nan))
 
     @property
     def modes(self) -> dict[str, tuple[tuple[float, str], ...]]:
-        """The changes of mode of each arm: from when on [s], mode and reason."""
+        """The changes of mode of each arm: time [s], mode and reason."""
         return {name: self.data.arm(name).modes for name in self.summary}
 
     def frame(self, arm: str = "") -> pd.DataFrame:
         """Return every tick as a row.
 
-        Columns: time_s; slip_*, slip_velocity_* (pad axes) with their norms slip_linear_mm, slip_angular_deg;
-        wrench_* {ee}; object_* [m]; q_*, qd_*, effort_* of the joints; then every symbol of the law by its name, NaN
-        where it was not evaluated.
+        Columns: time_s; slip_*, slip_velocity_* (pad axes) with their norms slip_linear_mm, slip_angular_deg; wrench_*
+        {ee}; object_* [m]; q_*, qd_*, effort_* of the joints; then every symbol of the law by its name, NaN if it was
+        not evaluated.
 
         Args:
             arm: which one; "": the first.
@@ -140,10 +140,14 @@ class Run:
         write_page(Path(path), {label: self.data}, command="slip_vic.Run.page", ends=ends)
         return Path(path)
 
+    def sentence(self, arm: str | None = None) -> str:
+        """Return a sentence with slip, goal error and arrival of an arm; None: of the worst."""
+        names = "slip_linear_m", "slip_angular_rad", "final_error_m", "arrival_s"
+        slip, turn, error, arrival = (self.worst(name) if arm is None else self.summary[arm][name] for name in names)
+        parts = [f"slip {1e3 * slip:.2f} mm, {math.degrees(turn):.2f} deg"]
+        parts += [] if math.isnan(error) else [f"goal error {1e3 * error:.3f} mm"]
+        return "; ".join([*parts, "does not arrive" if math.isnan(arrival) else f"arrives after {arrival:.2f} s"])
+
     def __repr__(self) -> str:
         why = f" ({self.reason})" if self.reason else ""
-        arrives = "does not arrive" if math.isnan(self.arrival_s) else f"arrives after {self.arrival_s:.2f} s"
-        return (
-            f"Run({self.scenario.name}, {self.scenario.law}: {self.outcome}{why}, slip {self.slip_mm:.2f} mm "
-            f"{self.slip_deg:.2f} deg, goal error {self.final_error_mm:.3f} mm, {arrives})"
-        )
+        return f"Run({self.scenario.name}, {self.scenario.law}: {self.outcome}{why}, {self.sentence()})"

@@ -1,4 +1,4 @@
-"""Where an arm gets on the way of a scenario: by inverse kinematics, before anything is started."""
+"""How far an arm can follow a scenario's path: inverse kinematics, before anything is started."""
 
 from __future__ import annotations
 
@@ -10,10 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from slip_core.arrays import Array
 from slip_core.errors import InputError
-from slip_core.records import new, record
 from slip_sim_bridge.params import BridgeParams
-from slip_vic_controller.law.arm import ARM
-from slip_vic_controller.law.bounds import Condition
 from slip_vic_controller.law.torque import given_axes
 from slip_vic_controller.params.controller_params import ControllerParams, SingularityParams, TrajectoryParams
 from slip_vic_controller.path.paths import make_path, sample_path
@@ -23,9 +20,6 @@ SIGMA_MIN: Final = SingularityParams().sigma_min
 """Singular value of the Jacobian below which torques are damped, where nothing else is configured."""
 REACHED = 1e-4
 """[m, rad] Pose error below which a point counts as reached: a tenth of what counts as arriving."""
-WRIST_SHARE = 0.1
-"""Share of the object's inertia below which that of a joint is too small to be all there is: a URDF leaves out its
-rotor."""
 POINTS = 60
 _ITERATIONS = 40
 _LONGEST_STEP = 0.3
@@ -109,7 +103,10 @@ def follow(robot: Robot, start: Array, times: Array, path: Array, payload: Array
         outside = (found < robot.position_lower) | (found > robot.position_upper)
         if outside.any():
             j = int(outside.argmax())
-            blocked = f"{robot.joint_names[j]} would have to go to {found[j]:.3g}, beyond its limit"
+            low, high = robot.position_lower[j], robot.position_upper[j]
+            blocked = (
+                f"{robot.joint_names[j]} would have to go to {found[j]:.4g}, beyond its limits {low:.4g}..{high:.4g}"
+            )
             break
         q = found
         joints.append(q)
@@ -137,53 +134,23 @@ def smallest(J: Array) -> float:
     return float(np.linalg.svd(J, compute_uv=False)[-1])
 
 
-def judge_inertia(robot: Robot, q: Array, params: ControllerParams) -> Condition:
-    """Judge the inertia that the lightest joint moves in a posture (n,), as seen from M_D.
-
-    The law cancels what is there to put M_D in its place: of next to nothing every error of a torque is a large
-    acceleration.
-    """
-    buffer = new(ARM)
-    robot.terms(q, np.zeros(len(q)), buffer)
-    inertia = np.diag(record(buffer, ARM).M)[: len(q)]
-    light, most = int(inertia.argmin()), max(params.gains.inertia[3:])
-    least = WRIST_SHARE * min(params.object.inertia[:3])
-    reason = (
-        f"{robot.joint_names[light]} moves {inertia[light]:.2g} kg m2 beside the object's {least / WRIST_SHARE:.2g}; a "
-        "URDF leaves out rotors, which drive.armature adds"
-    )
-    name = f"M_D over the inertia of {robot.joint_names[light]}"
-    return Condition(name, most / max(float(inertia[light]), 1e-12), most / least, reason, "drive.armature")
-
-
 def check_start(robot: Robot, controller: ControllerParams, bridge: BridgeParams) -> None:
-    """Check that the arm can start where a scenario says, and follow its path.
+    """Check that the arm can follow a scenario's path from its start.
 
     Raises:
         InputError: a start beyond a limit or in a singular posture, a path that leaves the arm's reach.
     """
-    fix = "`slip-vic arm FILE` finds a start and shows what the arm reaches"
-    start = np.array(bridge.initial_position)
-    for j, name in enumerate(robot.joint_names):
-        low, high = robot.position_lower[j], robot.position_upper[j]
-        if not low <= start[j] <= high:
-            raise InputError(
-                "parameter initial_position", got=f"{name} at {start[j]:.4g}",
-                expected=f"within its limits {low:.4g}..{high:.4g}", fix=fix,
-            )  # fmt: skip
-    J, least = robot.frame(start)[2], controller.singularity.sigma_min
-    sigma = smallest(J[axes_of(J, least)])
+    start, least = np.array(bridge.initial_position), controller.singularity.sigma_min
+    J = robot.frame(start)[2]
+    sigma, name, got = smallest(J[axes_of(J, least)]), "", ""
     if sigma < least:
-        raise InputError(
-            "parameter initial_position", got=f"a singular posture (least singular value of the Jacobian {sigma:.2g})",
-            expected=f"at least singularity.sigma_min = {least:g}", fix=fix,
-        )  # fmt: skip
+        name, got = "initial_position", f"a singular posture (least singular value of the Jacobian {sigma:.2g})"
     times, path = pad_path(controller.trajectory)
     way = follow(robot, start, times, path, np.zeros(3), least)
     if way.blocked:
-        raise InputError(
-            "parameter trajectory",
-            got=f"a path that the arm leaves after {100.0 * way.share:.0f} % of its time: {way.blocked}",
-            expected="a path within its reach",
-            fix=fix,
-        )
+        name = "trajectory" if len(way.joints) else "initial_position"
+        got = f"a path that ends after {100.0 * way.share:.0f} % of its time: {way.blocked}"
+    if got:
+        expected = f"a start and a path within the arm's limits, above singularity.sigma_min = {least:g}"
+        fix = "`slip-vic arm FILE` finds a start and shows what the arm reaches"
+        raise InputError(f"parameter {name}", got=got, expected=expected, fix=fix)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal, get_args
@@ -12,7 +11,7 @@ import numpy as np
 import yaml
 from pydantic import Field
 
-from slip_core.arms import ONE_ARM, params_of_arms, prefix_of
+from slip_core.arms import ONE_ARM, params_of_arms
 from slip_core.errors import InputError, UnknownName
 from slip_core.files.urdf import on_base
 from slip_core.files.urdf_file import arm_urdf
@@ -23,10 +22,9 @@ from slip_core.params import (
     build,
     flat_names,
     flatten,
-    is_name,
     load_yaml,
+    names_of,
     nested_names,
-    parameter,
     parameter_infos,
     parse_assignments,
     parse_mapping,
@@ -34,9 +32,8 @@ from slip_core.params import (
 )
 from slip_sim_bridge.params import BridgeParams
 from slip_vic.presets import preset_text
-from slip_vic.presets.models import DrivePreset, GripperPreset, SensorPreset, load_drive, load_gripper, load_sensor
-from slip_vic_controller.params.controller_params import GainParams
-from slip_vic_controller.params.node_params import ControllerNodeParams
+from slip_vic.presets.models import DrivePreset, GripperPreset, Preset, SensorPreset, load_preset
+from slip_vic_controller.params.controller_params import ControllerParams, GainParams
 
 if TYPE_CHECKING:
     from slip_vic.experiments.law import Law as OwnLaw
@@ -54,9 +51,18 @@ Mode = Literal["lockstep", "realtime"]
 NodeValues = dict[str, dict[str, Any]]
 """Values by dotted name, of the nodes "controller" and "bridge"."""
 NODES: dict[str, tuple[str, type[ParameterModel]]] = {
-    "controller": ("slip_vic_controller", ControllerNodeParams),
+    "controller": ("slip_vic_controller", ControllerParams),
     "bridge": ("slip_sim_bridge", BridgeParams),
 }
+
+PARTS: Final = {
+    "slip": ("sensors.slip", "slip_sensor", False),
+    "wrench": ("sensors.wrench", "wrench_sensor", False),
+    "drive": ("drive", "drive", True),
+    "joint": ("sensors.joint", "joint_sensor", True),
+    "grip": ("grip", "grip", False),
+}
+"""Parts of a preset: where the bridge has one, where the controller has it, and whether its lists are of joints."""
 
 BOUNDED: dict[str, Any] = {"gains.spin": "bounded"}
 """Of the controller, in real time. The printed law, which follows the object's spin wherever it goes, loses the object
@@ -89,16 +95,6 @@ class ArmFile(ParameterModel):
     bridge: dict[str, Any] = Field(default_factory=dict)
 
 
-class Mismatch(ParameterModel):
-    """What the simulated world has and the controllers do not know; of several arms the last one differs."""
-
-    base_rotation: Three = parameter((0.0, 0.0, 0.0), "error of the base's attitude, rotation vector", unit="rad")
-    base_position: Three = parameter((0.0, 0.0, 0.0), "error of the base's position", unit="m")
-    late_s: float = parameter(0.0, "how much later the arm's reference runs", unit="s", ge=0.0)
-    friction: float = parameter(1.0, "friction of the pad over what is configured", gt=0.0)
-    mass: float = parameter(1.0, "mass of the object over what is configured", gt=0.0)
-
-
 class ScenarioFile(ParameterModel):
     """The file's outer form; the inner values are checked by the nodes' own parameter models.
 
@@ -113,7 +109,6 @@ class ScenarioFile(ParameterModel):
     controller: dict[str, Any] = Field(default_factory=dict)
     bridge: dict[str, Any] = Field(default_factory=dict)
     arms: dict[str, ArmFile] = Field(default_factory=dict)
-    mismatch: Mismatch = Field(default_factory=Mismatch)
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,7 +123,7 @@ class Scenario:
     description: str
     text: str
     law: Law
-    controllers: Mapping[str, ControllerNodeParams]
+    controllers: Mapping[str, ControllerParams]
     bridges: Mapping[str, BridgeParams]
     urdfs: Mapping[str, str]
     placed: Mapping[str, str]
@@ -141,7 +136,7 @@ class Scenario:
     @property
     def controller(self) -> Any:
         """Parameters of the controller node; of several arms, those of each below its name."""
-        return params_of_arms(ControllerNodeParams, self.controllers)
+        return params_of_arms(ControllerParams, self.controllers)
 
     @property
     def bridge(self) -> Any:
@@ -163,10 +158,10 @@ class Scenario:
         """Run in this process to the end, or until the object is lost; return the results.
 
         Args:
-            law: a control law of one's own; None: the controller's.
+            law: your own control law; None: the controller's.
 
         Raises:
-            InputError: parameters and URDF that do not fit; a law of one's own that fails.
+            InputError: parameters and URDF that do not fit; your law fails.
         """
         from slip_vic.experiments.driven import driven, watched
         from slip_vic.experiments.law import Law as OwnLaw
@@ -180,11 +175,6 @@ class Scenario:
         if run.outcome == "failed":
             raise InputError(f"law {type(law).__name__}", got=run.reason, expected="docs/your_law.md")
         return run
-
-    @property
-    def arms(self) -> tuple[tuple[str, ControllerNodeParams], ...]:
-        """Prefix of the topics, and parameters of the controller, of each arm."""
-        return tuple((prefix_of(name), params) for name, params in self.controllers.items())
 
     @property
     def first(self) -> BridgeParams:
@@ -202,9 +192,9 @@ class Scenario:
         return self.first.seed
 
     def check(self) -> None:
-        """Make controller and simulation once, so that what does not fit is said before any process starts.
+        """Make controller and simulation once, so that inconsistencies are reported before any process starts.
 
-        Where the control cycle is not yet compiled for this machine, it is here.
+        Compiles the control cycle if that has not been done on this machine.
 
         Raises:
             InputError: e.g. a URDF without the frame, joints missing or in another order, a path out of reach;
@@ -215,8 +205,8 @@ class Scenario:
         prepare()
         from slip_sim_bridge.session import BridgeSession
         from slip_vic.scenarios.reach import check_start
+        from slip_vic_controller.config.controller import Controller
         from slip_vic_controller.robot import Robot
-        from slip_vic_controller.session.controller import Controller
 
         for params in self.controllers.values():
             contacts = params.contacts.count
@@ -233,62 +223,81 @@ class Scenario:
             check_start(robot, known, self.bridges[name])
 
 
-def load_scenario(
-    scenario: str,
+def load(
+    scenario: str | Path,
     *,
-    law: Law = "vic",
-    mode: Mode = "lockstep",
+    law: Law = "governed",
+    sensor: str | Path = "",
+    drive: str | Path = "",
+    gripper: str | Path = "",
     seed: int = 0,
-    assignments: Assignments = (),
-    urdf: str | Path | None = None,
-    sensor: str = "",
-    drive: str = "",
-    gripper: str = "",
+    mode: Mode = "lockstep",
+    set: Assignments = (),
     parameters: Mapping[str, Any] | Path | None = None,
 ) -> Scenario:
-    """Read a scenario by name or path and apply ``--set`` assignments.
+    """Return a scenario, ready to run.
 
-    An assignment, a text or an item of a mapping, names a node's parameter (``controller.gains.k_s=500``,
-    ``bridge.grip.force=0.6``) or, without prefix, one that both nodes share (``object.mass=0.6``). Real time brings
-    `BOUNDED`. A `sensor` (name or file) gives both nodes what a slip sensor is, and the controller settings that suit
-    it, `drive` what the arm's drives and encoders are, `gripper` what the gripper is; `parameters` of the controller,
-    by dotted name or in a file, come after it, then assignments.
+        scenario = slip_vic.load("paper_planar", law="vic", sensor="vision_60", set=["object.mass=0.6"])
+        scenario.bridge.grip.force          # the parameters of both sides
+        scenario.controller.gains.k_s
+        run = scenario.run()
+
+    Args:
+        scenario: see `scenario_names()`, or a YAML file.
+        law: classical, vic, governed, governed_follow or printed.
+        sensor: slip sensor, see `preset_names("sensors")`, or a YAML file; empty: the scenario's own.
+        drive: the arm's drives and encoders, see `preset_names("drives")`, or a YAML file; empty: ideal.
+        gripper: see `preset_names("grippers")`, or a YAML file; empty: ideal.
+        seed: of the sensors' noise.
+        mode: lockstep, or realtime for nodes, which brings `BOUNDED`.
+        set: overrides, as on the command line or as a mapping. An override names a node's parameter,
+            "controller.gains.k_s=500", or one that both nodes share, "object.mass=0.6"; of several arms it is that of
+            all, or of the one whose name comes first, "right.bridge.base.position=[0.0, -0.5, 0.0]". Another arm is
+            "robot_description_file=FILE".
+        parameters: of the controller: by dotted name, or a parameter file, e.g. of `slip-vic tune`. They come after the
+            presets, and before the overrides.
 
     Raises:
-        InputError: unknown scenario, unknown parameter (nearest names offered), bad value, unreadable URDF.
+        InputError: an unknown name (the nearest are suggested), a bad value, a file that cannot be read.
     """
-    text, origin = preset_text("scenarios", scenario), f"scenario {scenario}"
+    text, origin = preset_text("scenarios", str(scenario)), f"scenario {scenario}"
     outer = validate(ScenarioFile, parse_mapping(text, origin), origin)
     values = {name: _values(outer, name) for name in outer.arms or (ONE_ARM,)}
-    mismatch = dict(outer.mismatch.model_dump())
     for own in values.values():
-        _find_arm(own, scenario)
         own["bridge"]["duration_s"] = outer.duration_s
         own["bridge"]["seed"] = seed
         for node in own.values():
             node["mode"] = mode
-            if urdf is not None:
-                node["robot_description_file"] = str(urdf)
+            file = str(node.get("robot_description_file", ""))
+            if file and not file.startswith("package://"):  # by a path from the folder of the scenario's file
+                node["robot_description_file"] = str(Path(scenario).parent / file)
         own["controller"] |= law_settings(law, len(values), own["controller"])
         if law == "governed_follow":
             own["bridge"]["grip.control"] = "follow"
         if mode == "realtime":
             own["controller"] |= BOUNDED
-        if sensor:
-            apply_sensor(own, load_sensor(sensor))
-        if drive:
-            apply_drive(own, load_drive(drive))
-        if gripper:
-            apply_gripper(own, load_gripper(gripper))
+        for model, name in ((SensorPreset, sensor), (DrivePreset, drive), (GripperPreset, gripper)):
+            if str(name):
+                apply_preset(own, load_preset(model, str(name)))
         if law == "printed":
             own["controller"] |= PRINTED
     given = read_parameters(parameters) if isinstance(parameters, Path) else parameters or {}
-    _apply_parameters(values, given, keep_sensor=bool(sensor))
+    _apply_parameters(values, given, keep_sensor=bool(str(sensor)))
     for own in values.values():
         _tell_friction(own, origin)
-    for key, value in parse_assignments(assignments):
-        _assign(values, mismatch, key, value)
-    return _made(outer, text, law, values, build(Mismatch, mismatch, f"{origin}: mismatch"), origin)
+    for key, value in parse_assignments(set):
+        _assign(values, key, value)
+    controllers, bridges, urdfs, placed = {}, {}, {}, {}
+    for name, own in values.items():
+        called = f"{origin}: {name}" if name else origin
+        _own_contacts(own, law)
+        controllers[name] = build(ControllerParams, own["controller"], f"{called}: controller")
+        if controllers[name].wrench.source == "none":
+            own["bridge"]["sensors.wrench.silent"] = True  # nor does anybody wait for it
+        bridges[name] = build(BridgeParams, own["bridge"], f"{called}: bridge")
+        urdfs[name] = arm_urdf(bridges[name])
+        placed[name] = on_base(urdfs[name], controllers[name].base)
+    return Scenario(outer.name, outer.description, text, law, controllers, bridges, urdfs, placed)
 
 
 def law_settings(law: Law, arms: int, given: Mapping[str, Any]) -> dict[str, Any]:
@@ -314,49 +323,6 @@ def stiffened(values: Mapping[str, Any]) -> dict[str, Any]:
     return {"gains.stiffness": (factor * stiffness).tolist(), "gains.damping": damping.tolist()}
 
 
-def _made(
-    outer: ScenarioFile,
-    text: str,
-    law: Law,
-    values: dict[str, NodeValues],
-    wrong: Mismatch,
-    origin: str,
-) -> Scenario:
-    """Return the scenario of these values, with the mismatch in the world alone."""
-    controllers, bridges, urdfs, placed = {}, {}, {}, {}
-    for name, own in values.items():
-        last, called = name == list(values)[-1], f"{origin}: {name}" if name else origin
-        _own_contacts(own, law)
-        if last and wrong.late_s:
-            start = float(own["controller"].get("trajectory.start_s", 0.0))
-            own["controller"]["trajectory.start_s"] = start + wrong.late_s
-        controllers[name] = build(ControllerNodeParams, own["controller"], f"{called}: controller")
-        if controllers[name].wrench.source == "none":
-            own["bridge"]["sensors.wrench.silent"] = True  # nor does anybody wait for it
-        params = build(BridgeParams, own["bridge"], f"{called}: bridge")
-        urdfs[name] = arm_urdf(params)
-        placed[name] = on_base(urdfs[name], params.base)
-        bridges[name] = _mismatched(params, wrong, last=last)
-    return Scenario(outer.name, outer.description, text, law, controllers, bridges, urdfs, placed)
-
-
-def _mismatched(params: BridgeParams, wrong: Mismatch, *, last: bool) -> BridgeParams:
-    """Return the parameters of an arm in the world as it is."""
-    from scipy.spatial.transform import Rotation
-
-    values = flatten(params)
-    values["object.mass"] *= wrong.mass
-    values["object.inertia"] = [wrong.mass * x for x in values["object.inertia"]]
-    if last:
-        values["friction.mu_s"] *= wrong.friction
-        values["friction.mu_k"] *= wrong.friction
-        values["base.position"] = [a + b for a, b in zip(params.base.position, wrong.base_position, strict=True)]
-    if last and any(wrong.base_rotation):
-        turned = Rotation.from_rotvec(wrong.base_rotation) * Rotation.from_rotvec(params.base.rotation)
-        values["base.rotation"] = turned.as_rotvec().tolist()
-    return build(BridgeParams, values, "mismatch")
-
-
 def _own_contacts(own: NodeValues, law: Law) -> None:
     """Let the bridge have its own contact only, and the controller too where the law has its own wrench alone."""
     for node in ("bridge", "controller") if law in OWN_WRENCH else ("bridge",):
@@ -368,16 +334,13 @@ def _own_contacts(own: NodeValues, law: Law) -> None:
 def _apply_parameters(values: dict[str, NodeValues], parameters: Mapping[str, Any], *, keep_sensor: bool) -> None:
     """Put parameters of the controller over those of the scenario; of several arms, those below an arm's name too."""
     given = flat_names(dict(parameters))
-    prefixes = tuple(f"{name}." for name in values if name)
-    common = {key: v for key, v in given.items() if not key.startswith(prefixes)} if prefixes else given
-    common = {key: v for key, v in common.items() if not (prefixes and (key == "arms" or "_base." in key))}
+    common = {key: v for key, v in given.items() if key.partition(".")[0] not in ("arms", *values)}
     for name, own in values.items():
         # gains are the file's; the mode and a sensor that was named are those of the command
         known = own["controller"]
         kept = {key: v for key, v in known.items() if key == "mode" or (keep_sensor and "_sensor." in key)}
         mine = {key.removeprefix(f"{name}."): v for key, v in given.items() if name and key.startswith(f"{name}.")}
-        if common or mine:
-            known |= common | mine | kept
+        known |= common | mine | kept
 
 
 def read_parameters(file: Path) -> dict[str, Any]:
@@ -397,51 +360,22 @@ def read_parameters(file: Path) -> dict[str, Any]:
     return flat_names(found[0]["ros__parameters"])
 
 
-def apply_sensor(values: NodeValues, preset: SensorPreset) -> None:
-    """Put a sensor into the values of both nodes."""
-    _apply_part(values, "sensors.slip", "slip_sensor", flatten(preset.slip))
-    _apply_part(values, "sensors.wrench", "wrench_sensor", flatten(preset.wrench))
-    values["controller"] |= flat_names(preset.controller)
-
-
-def apply_drive(values: NodeValues, preset: DrivePreset) -> None:
-    """Put drives and encoders into the values of both nodes."""
+def apply_preset(values: NodeValues, preset: Preset) -> None:
+    """Let the bridge simulate what a preset holds, and set the controller to match."""
     joints = len(values["bridge"].get("joint_names", BridgeParams.model_fields["joint_names"].default))
-    for params, simulated, known in (
-        (preset.drive, "drive", "drive"), (preset.joint, "sensors.joint", "joint_sensor"),
-    ):  # fmt: skip
-        flat = {name: cut_or_extend(value, joints) for name, value in flatten(params).items()}
-        _apply_part(values, simulated, known, flat)
+    for name, value in flatten(preset).items():
+        part, _, own = name.partition(".")
+        if part in PARTS:
+            simulated, known, of_joints = PARTS[part]
+            fitted = cut_or_extend(value, joints) if of_joints else value
+            values["bridge"][f"{simulated}.{own}"] = fitted
+            if f"{known}.{own}" in names_of(ControllerParams):
+                values["controller"][f"{known}.{own}"] = fitted
     values["controller"] |= flat_names(preset.controller)
-    values["controller"]["command.interface"] = preset.drive.interface
-    for node in values.values() if preset.period_s is not None else ():
-        node["control_period_s"] = preset.period_s
-
-
-def apply_gripper(values: NodeValues, preset: GripperPreset) -> None:
-    """Put a gripper into the values of both nodes."""
-    _apply_part(values, "grip", "grip", preset.grip)
-    values["controller"] |= flat_names(preset.controller)
-
-
-def _apply_part(values: NodeValues, simulated: str, known: str, flat: Mapping[str, object]) -> None:
-    """Let the bridge simulate a part, and the controller count on what it is configured with of it."""
-    values["bridge"] |= {f"{simulated}.{name}": value for name, value in flat.items()}
-    own = {f"{known}.{name}": value for name, value in flat.items()}
-    values["controller"] |= {name: value for name, value in own.items() if is_name(ControllerNodeParams, name)}
-
-
-def drive_assignments(drive: str, scenario: str, assignments: Iterable[str]) -> tuple[str, ...]:
-    """Return the ``--set`` assignments that ``--drive`` stands for, for the arm of a scenario; none without a name."""
-    if not drive:
-        return ()
-    before = load_scenario(scenario, assignments=assignments)
-    values: NodeValues = {"controller": {}, "bridge": {"joint_names": before.first.joint_names}}
-    apply_drive(values, load_drive(drive))
-    del values["bridge"]["joint_names"]
-    return tuple(
-        f"{node}.{name}={json.dumps(value)}" for node, known in values.items() for name, value in known.items()
-    )
+    if isinstance(preset, DrivePreset):
+        values["controller"]["command.interface"] = preset.drive.interface
+        for node in values.values() if preset.period_s is not None else ():
+            node["control_period_s"] = preset.period_s
 
 
 def cut_or_extend(value: Any, joints: int) -> Any:
@@ -455,7 +389,7 @@ def cut_or_extend(value: Any, joints: int) -> Any:
 
 
 def _tell_friction(values: NodeValues, origin: str) -> None:
-    """Tell the controller's governor of the friction that the scenario has, where it does not say so itself."""
+    """Configure the governor with the scenario's friction, unless the scenario sets it itself."""
     bridge = build(BridgeParams, values["bridge"], f"{origin}: bridge")
     friction = {
         "governor.friction_limit": round(bridge.friction.mu_s * bridge.grip.force, 12),
@@ -463,14 +397,6 @@ def _tell_friction(values: NodeValues, origin: str) -> None:
         "grip.nominal_force": bridge.grip.force,
     }
     values["controller"] = friction | values["controller"]
-
-
-def _find_arm(values: NodeValues, name_or_path: str) -> None:
-    """Let a scenario file name its arm by a path from its own folder."""
-    for node in values.values():
-        file = str(node.get("robot_description_file", ""))
-        if file and not file.startswith("package://"):
-            node["robot_description_file"] = str(Path(name_or_path).parent / file)
 
 
 def _values(outer: ScenarioFile, arm: str) -> NodeValues:
@@ -488,27 +414,21 @@ def _values(outer: ScenarioFile, arm: str) -> NodeValues:
     }
     if axes is not None:
         contacts["contacts.slip_axes"] = [*axes] * len(grasps)
+    base = {f"base.{name}": value for name, value in flatten(own.base).items()}
     for node, inner in (("controller", own.controller), ("bridge", own.bridge)):
-        values[node] |= contacts | flat_names(inner)
-    for node in NODES:
-        values[node] |= {f"base.{name}": value for name, value in flatten(own.base).items()}
+        values[node] |= contacts | base | flat_names(inner)
     return values
 
 
-def _assign(values: dict[str, NodeValues], mismatch: dict[str, Any], key: str, value: Any) -> None:
-    """Apply an assignment: to every arm, to one below whose name it is, or to the mismatch."""
+def _assign(values: dict[str, NodeValues], key: str, value: Any) -> None:
+    """Apply an assignment: to every arm, or to the one whose name comes first."""
     first, _, rest = key.partition(".")
-    if first == "mismatch":
-        if rest not in Mismatch.model_fields:
-            raise UnknownName("parameter", key, [f"mismatch.{name}" for name in Mismatch.model_fields], where="--set")
-        mismatch[rest] = value
-        return
     chosen, name = ([first], rest) if first and first in values else (list(values), key)
     node, _, inner = name.partition(".")
-    if node in NODES and is_name(NODES[node][1], inner):
+    if node in NODES and inner in names_of(NODES[node][1]):
         owners, name = [node], inner
     else:
-        owners = [node for node in NODES if is_name(NODES[node][1], name)]
+        owners = [node for node in NODES if name in names_of(NODES[node][1])]
     if not owners:
         names = {node: {info.name for info in parameter_infos(model)} for node, (_, model) in NODES.items()}
         known = {f"{node}.{name}" for node in names for name in names[node]} | (names["controller"] & names["bridge"])
@@ -518,20 +438,13 @@ def _assign(values: dict[str, NodeValues], mismatch: dict[str, Any], key: str, v
             values[arm][owner] |= {name: value}
 
 
-def ros_parameter_file(params: ParameterModel, node_name: str, *, complete: bool = True) -> str:
-    """Return the ROS parameter file of one node, valid in any namespace.
+def ros_parameter_file(params: ParameterModel, node_name: str) -> str:
+    """Return all parameters of one node as a ROS parameter file, valid in any namespace.
 
     rcl's parser refuses empty lists: those that are the defaults are left out, others are a list of one empty text.
-
-    Args:
-        params: the values.
-        node_name: whose file it is.
-        complete: whether values that are equal to their defaults are written too.
     """
     defaults = flatten(type(params)())
-    wanted = {
-        name: value for name, value in flatten(params).items() if value != defaults[name] or (complete and value != [])
-    }
+    wanted = {name: value for name, value in flatten(params).items() if value != [] or value != defaults[name]}
     nested = nested_names({name: [""] if value == [] else value for name, value in wanted.items()})
     return yaml.safe_dump(
         {f"/**/{node_name}": {"ros__parameters": nested}}, sort_keys=False, default_flow_style=None, width=120

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import shlex
 from collections.abc import Callable
 from pathlib import Path
@@ -12,7 +11,8 @@ from typing import TypeVar
 import click
 
 from slip_core.errors import InputError
-from slip_vic.options import DRIVE, PACKAGE, SENSOR, names, out_option
+from slip_core.topics import checked_namespace
+from slip_vic.options import DOMAIN_ID, DRIVE, PACKAGE, SENSOR, listed, out_option
 
 T = TypeVar("T")
 AXIS = click.Choice(["x", "-x", "y", "-y", "z", "-z"])
@@ -23,10 +23,10 @@ AXIS = click.Choice(["x", "-x", "y", "-y", "z", "-z"])
 @PACKAGE
 @click.option("--arg", "arguments", multiple=True, metavar="NAME:=VALUE", help="argument of a xacro file; repeatable")
 @click.option("--ee", "link", default="", metavar="LINK", help="link at the hand; default: found")
-@click.option("--approach", type=AXIS, default=None, help="its axis out of the hand; default: found")
-@click.option("--normal", type=AXIS, default=None, help="its axis along which the jaws close; default: found")
-@click.option("--reach", type=float, default=0.0, show_default=True, help="from it to the pad centre [m]")
-@click.option("--lock", "locks", multiple=True, metavar="JOINT=VALUE", help="keep a joint there; repeatable")
+@click.option("--approach", type=AXIS, default=None, help="axis of the link out of the hand; default: found")
+@click.option("--normal", type=AXIS, default=None, help="axis of the link along which the jaws close; default: found")
+@click.option("--reach", type=float, default=0.0, show_default=True, help="distance to the pad centre [m]")
+@click.option("--lock", "locks", multiple=True, metavar="JOINT=VALUE", help="lock a joint at a position; repeatable")
 @click.option(
     "--limit",
     "limits",
@@ -34,7 +34,7 @@ AXIS = click.Choice(["x", "-x", "y", "-y", "z", "-z"])
     metavar="JOINT=EFFORT,VELOCITY",
     help="limits [N m, rad/s] that the file lacks; one may be empty, JOINT may be *; repeatable",
 )
-@click.option("--scenario", "scenarios", default="paper_planar", show_default=True, help="names, comma separated")
+@listed("--scenario", "paper_planar", "names, comma separated")
 @click.option("--scale", type=click.FloatRange(0.01, 10.0), default=1.0, show_default=True, help="size of the path")
 @DRIVE
 @SENSOR
@@ -54,16 +54,16 @@ def arm(
     reach: float,
     locks: tuple[str, ...],
     limits: tuple[str, ...],
-    scenarios: str,
+    scenarios: tuple[str, ...],
     scale: float,
     drive: str,
     sensor: str,
     driver: str | None,
     out: Path | None,
 ) -> None:
-    """Make a folder that runs from an arm's URDF or xacro file: arm.urdf, scenarios, parameters for the real arm."""
+    """Make a folder from an arm's URDF or xacro file: arm.urdf, scenarios, parameters for the real arm."""
     from slip_core.files.urdf_file import read_urdf
-    from slip_vic.presets.models import load_drive
+    from slip_vic.presets.models import DrivePreset, load_preset
     from slip_vic.setup.arm.driver import DRIVERS
     from slip_vic.setup.arm.write import Arm, way_table, write_arm
 
@@ -79,12 +79,12 @@ def arm(
         limits=_pairs(
             "--limit", limits, "=", _limits, "JOINT=EFFORT,VELOCITY above 0 [N m, rad/s], e.g. '*=28,3.1', '*=,3.1'"
         ),
-        by_effort=not drive or load_drive(drive).drive.interface == "effort",
+        by_effort=not drive or load_preset(DrivePreset, drive).drive.interface == "effort",
     )
     for line in made.said:
         click.echo(line)
     tasks = {}
-    for scenario in names(scenarios):
+    for scenario in scenarios:
         name = Path(scenario).stem
         tasks[name], start, said = made.task(scenario, scale)
         click.echo(way_table(made, name, start))
@@ -130,34 +130,33 @@ def _limits(text: str) -> dict[str, float]:
 
 
 @click.command()
-@click.option("--namespace", default="", help="ROS namespace of the controller")
-@click.option("--domain-id", type=int, help="ROS domain id; default ROS_DOMAIN_ID")
-@click.option("--simulated", is_flag=True, help="without a person: the hand of the simulated arm pushes")
+@click.option("--namespace", callback=checked_namespace, default="", help="ROS namespace of the controller")
+@DOMAIN_ID
+@click.option("--simulated", is_flag=True, help="simulated arm: push without a person")
 @out_option("bringup.yaml", "parameter file")
 def bringup(namespace: str, domain_id: int | None, simulated: bool, out: Path) -> None:
-    """Bring a controller and its drivers up, step by step, from topics and signs to a first governed motion.
+    """Bring up a controller and its drivers step by step, from topics and signs to a first governed motion.
 
     Both must run; the controller with trajectory.kind goal, governor.mode slow_down, governor.friction unknown and
-    safety.auto_enable false. Each step shows what it measured and what it expects. Exit code 1 where a step does not
-    hold, with one line on what to do. What was measured of the sensors is written to --out, for the controller
-    after its own file, and for `slip-vic check --params` and `slip-vic run --params`.
+    safety.auto_enable false. Each step shows measured and expected values. If a step fails, the exit code is 1, with
+    the fix in one line. Measured sensor parameters are written to --out: load them after the controller's own file, or
+    pass them to `slip-vic check --params` and `slip-vic run --params`.
     """
-    if domain_id is not None:
-        os.environ["ROS_DOMAIN_ID"] = str(domain_id)
-    from slip_vic.scenarios.parameter_files import check_writable, write_files
+    from slip_vic.scenarios.parameter_files import write_files
 
-    check_writable(out)  # here, not after the walk
-    from slip_bags.ros_node import ros_node
+    write_files(out.parent, {})  # here, not after the walk
+    from slip_msgs_py.node_main import ros_node
+    from slip_sim_bridge.params import BridgeParams
     from slip_vic.setup.bringup.hands import Hands, Person, Simulated
     from slip_vic.setup.bringup.heard import BRIDGE
     from slip_vic.setup.bringup.ros_system import RosSystem
     from slip_vic.setup.bringup.walk import Walk
 
-    with ros_node("slip_vic_bringup") as node:
+    with ros_node("slip_vic_bringup", domain=domain_id) as node:
         system = RosSystem(node, namespace)
-        hands: Hands = Person(system, system.params.joint_names)
+        hands: Hands = Person(system)
         if simulated:
-            hands = Simulated(system, system.parameters(["grip.force"], BRIDGE)["grip.force"])
+            hands = Simulated(system, system.parameters(BridgeParams, BRIDGE))
         walk = Walk(system, hands)
         for verdict in walk.steps():
             click.echo(str(verdict), err=not verdict.holds)
@@ -174,17 +173,18 @@ def bringup(namespace: str, domain_id: int | None, simulated: bool, out: Path) -
 def identify(bag: Path, ee_frame: str, out: Path | None) -> None:
     """Find noise, quantum, friction and offset of each joint in a recorded slow motion.
 
-    The bag needs joint states with efforts and the arm's URDF; a wrench is taken off where there is one. Each joint has
-    to move both ways, slowly: docs/drives.md. Where the bag has slip velocities of an object that slips, their
-    direction and rate are compared with the wrench and the stamps.
+    The bag needs joint states with efforts and the arm's URDF; a wrench in their namespace is subtracted. Each joint
+    has to move slowly in both directions: docs/drives.md. Slip velocities of a slipping object are compared in
+    direction and rate with the wrench and the stamps.
     """
     from slip_vic.scenarios.parameter_files import write_files
-    from slip_vic.setup.identify import COLUMNS, preset, read_motion, read_slip, slip_mistake
+    from slip_vic.setup.identify import COLUMNS, preset, read_motion, slip_mistake
     from slip_vic.setup.identify import identify as found_in
 
-    numbers = found_in(*read_motion(bag, ee_frame))
+    motion = read_motion(bag)
+    numbers = found_in(motion, ee_frame)
     click.echo(numbers.rename(columns=COLUMNS).to_string(float_format="{:.3g}".format, na_rep="-"))
-    if (slip := read_slip(bag)) and (words := slip_mistake(*slip)):
+    if words := slip_mistake(motion):
         click.echo(words)
     if out is not None:
         write_files(out.parent, {out.name: preset(numbers, f"slip-vic identify {bag}")})

@@ -21,29 +21,30 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@choosing("scenario", "law", "mode", "seed", "sensor", "drive", "gripper", "parameters", "assignments", "urdf")
-@click.option("--cpu", default="", help="oldest processor that runs it, or native; default x86-64-v2, else native")
+@choosing("scenario", "law", "mode", "seed", "sensor", "drive", "gripper", "parameters", "set")
+@click.option("--cpu", default="", help="oldest supported processor, or native; default x86-64-v2, else native")
 @out_option("slip_vic_native", "folder")
 def export(*, choice: Choice, cpu: str, out: Path) -> None:
     """Write the control cycle as a C library: libslip_vic.so and .a, slip_vic.h, an example, and a scenario's numbers.
 
-    controller.bin and state.bin are configuration and first state; run.bin is a run of the scenario that example.c
-    answers again, bit by bit. node/ is a controller node of one arm in C++, on the same files. Takes about a minute.
+    controller.bin and state.bin are configuration and initial state; run.bin is a run of the scenario that example.c
+    replays bit by bit. node/ is a controller node for one arm in C++, with the same files. Takes about a minute.
     """
     from slip_native import library
     from slip_native.header import header, words
-    from slip_vic.scenarios.parameter_files import check_writable, write_files
-    from slip_vic.scenarios.scenario import load_scenario
+    from slip_vic.scenarios.parameter_files import write_files
+    from slip_vic.scenarios.scenario import load
 
-    loaded = load_scenario(**choice)
+    loaded = load(**choice)
     if any(params.slip_input == "displacement" for params in loaded.controllers.values()):
         expected = "velocity or flag: the library takes slip velocities"
         raise InputError("slip_input", got="displacement", expected=expected)
-    check_writable(out / "slip_vic.h")
+    write_files(out, {})  # here, not after the minute
     click.echo("compiling the cycle for C, about a minute", err=True)
     library.build(out, cpu)
     write_files(out, {"slip_vic.h": header(), "slip_vic_words.h": words(), **library.sources()})
-    write_scenario(loaded, out)
+    write_node(loaded, out)
+    write_run(loaded, out)
     site = Path(sysconfig.get_path("purelib"))
     prefixes = f"{sysconfig.get_path('data')};{site / 'cmeel.prefix'}"
     click.echo(f"{out}: libslip_vic.so, libslip_vic.a, slip_vic.h, controller.bin, state.bin, run.bin, example.c, node")
@@ -53,11 +54,12 @@ def export(*, choice: Choice, cpu: str, out: Path) -> None:
     )
 
 
-def write_scenario(scenario: Scenario, folder: Path) -> None:
-    """Write what a host reads of a scenario: see `write_run`; and the node's parameters, arm, and profile of DDS."""
+def write_node(scenario: Scenario, folder: Path) -> None:
+    """Write controller.bin and state.bin of a scenario, and the node's parameters, arm, and profile of DDS."""
     from slip_core.files.urdf import usable_urdf
     from slip_vic.scenarios.parameter_files import write_files
     from slip_vic.scenarios.scenario import NODES, ros_parameter_file
+    from slip_vic_controller.config.controller import Controller
 
     (params, urdf), *_ = zip(scenario.controllers.values(), scenario.placed.values(), strict=True)
     profile = resources.files("slip_msgs_py").joinpath("localhost.xml")
@@ -67,17 +69,18 @@ def write_scenario(scenario: Scenario, folder: Path) -> None:
         "localhost.xml": profile.read_text(encoding="utf-8"),
     }
     write_files(folder, texts)
-    write_run(scenario, folder)
+    controller = Controller(scenario.controllers, scenario.placed, lockstep=params.mode == "lockstep")
+    controller.config.tofile(folder / "controller.bin")
+    controller.new_state().tofile(folder / "state.bin")
 
 
 def write_run(scenario: Scenario, folder: Path) -> None:
-    """Run a scenario in lockstep, and write controller.bin, state.bin and run.bin; all numbers have 8 bytes.
+    """Run a scenario in lockstep, and write run.bin; all numbers have 8 bytes.
 
     run.bin: how many arms, rows of each observer, ticks, and numbers of the state; the first state; the ticks; the last
     state. A tick: whether CONFIG follows, samples, a joint state of each arm, INPUTS of all arms and OUTPUTS of all.
     """
     from slip_vic.run.in_process import ClosedLoop, run_in_process
-    from slip_vic_controller.session.controller import Controller
 
     loop = ClosedLoop(scenario)
     config, first, given, ticks = loop.session.config, loop.session.buffer.copy(), None, []
@@ -86,9 +89,6 @@ def write_run(scenario: Scenario, folder: Path) -> None:
         ticks.append(np.concatenate([_whole(len(changed)), *changed, *_tick(loop, tick)]))
         given, config = config, loop.session.config  # a tare has changed it for the next tick
     head = _whole(len(loop.session.arms), loop.session.controller.rows, len(ticks), len(first))
-    lockstep = next(iter(scenario.controllers.values())).mode == "lockstep"
-    Controller(scenario.controllers, scenario.placed, lockstep=lockstep).config.tofile(folder / "controller.bin")
-    first.tofile(folder / "state.bin")
     np.concatenate([head, first, *ticks, loop.session.buffer]).tofile(folder / "run.bin")
 
 

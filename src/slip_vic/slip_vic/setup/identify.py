@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import yaml
 
-from slip_bags.reader import Bag
 from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.records import new, record
-from slip_vic.run.data import urdf_of
+from slip_vic.run.data import ArmData, read_data
 from slip_vic.setup.slip_sensor import SLIP_SPEED, compare
 from slip_vic_controller.contact.estimate import SensorHealth
 from slip_vic_controller.contact.slip_health import DIFFERS
@@ -42,66 +40,38 @@ friction and offset leave of the effort. Friction and offset are NaN where it do
 speed hardly varies."""
 
 
-@dataclass(frozen=True, slots=True)
-class Motion:
-    """A recorded motion of an arm: times (N,) [s], positions, velocities, efforts (N, n), load: J^T h (N, n) [N m]."""
-
-    names: tuple[str, ...]
-    times: Array
-    position: Array
-    velocity: Array
-    effort: Array
-    load: Array
-
-
-def read_motion(path: Path, robot_frame: str) -> tuple[Motion, Robot]:
-    """Read joint states, URDF and, where there is one, the wrench at `robot_frame` from a bag.
+def read_motion(path: Path) -> ArmData:
+    """Read a recorded motion with its efforts.
 
     Raises:
-        InputError: no bag, or one without joint states, efforts or a description of the arm; others than numbers.
+        InputError: no bag, one without joint states, efforts or a description of the arm, or numbers not finite.
     """
-    with Bag(path) as bag:
-        states, wrenches = bag.ending("joint_states"), bag.ending("wrench")
-        if states is None or bag.topics[states].message_count < LEAST_SAMPLES:
-            raise InputError(f"bag {path}", got="no joint states", expected=f"at least {LEAST_SAMPLES} of them")
-        series = bag.series(states)
-        if series["effort"].shape != series["position"].shape:
-            raise InputError(f"bag {path}", got="joint states without efforts", expected="one effort per joint")
-        names = tuple(map(str, series["name"][0]))
-        robot = Robot(urdf_of(bag), robot_frame, names)
-        q, qd, times = series["position"], series["velocity"], 1e-9 * (series.stamps - series.stamps[0])
-        if qd.shape != q.shape or np.isnan(qd).all():  # the arm measures positions alone
-            qd = np.gradient(q, times, axis=0)
-        if not (np.isfinite(q).all() and np.isfinite(qd).all()):
-            raise InputError(f"bag {path}", got="joint states that are not finite", expected="numbers")
-        load = np.zeros_like(q)
-        if wrenches is not None and bag.topics[wrenches].message_count:
-            felt = bag.series(wrenches)
-            h = felt.columns("wrench.force", "wrench.torque")
-            load = _loads(robot, q, h[np.maximum(felt.newest(series.stamps), 0)])
-    return Motion(names, times, q, qd, series["effort"], load), robot
+    arm = read_data(path).arms[0]
+    if "joint_effort" not in arm.channels:
+        raise InputError(f"bag {path}", got="joint states without efforts", expected="one effort per joint")
+    states = arm.channel("joints")
+    if len(states.times) < LEAST_SAMPLES:
+        got = f"{len(states.times)} joint states"
+        raise InputError(f"bag {path}", got=got, expected=f"at least {LEAST_SAMPLES} of them")
+    if not (np.isfinite(states.rows).all() and np.isfinite(velocity_of(arm)).all()):
+        raise InputError(f"bag {path}", got="joint states that are not finite", expected="numbers")
+    return arm
 
 
-def read_slip(path: Path) -> tuple[Array, Array, Array, Array] | None:
-    """Return stamps and wrenches, stamps and slip velocities of a bag; (k,) [s], (k, 6), (m,), (m, 6); None without.
-
-    Raises:
-        InputError: no bag.
-    """
-    with Bag(path) as bag:
-        slips, wrenches = bag.ending("slip_velocity"), bag.ending("wrench")
-        if slips is None or wrenches is None or not bag.topics[wrenches].message_count:
-            return None
-        read, felt = bag.series(slips), bag.series(wrenches)
-        h, twists = felt.columns("wrench.force", "wrench.torque"), read.columns("twist.linear", "twist.angular")
-    return np.asarray(1e-9 * felt.stamps), h, np.asarray(1e-9 * read.stamps), twists
+def velocity_of(arm: ArmData) -> Array:
+    """Return the joint velocities, differences of the positions if only those are measured; (N, n) [rad/s]."""
+    states, v = arm.channel("joints"), arm.channel("joint_velocity").rows
+    return np.gradient(states.rows, states.times, axis=0) if v.shape != states.rows.shape or np.isnan(v).all() else v
 
 
-def slip_mistake(times: Array, h: Array, stamps: Array, twists: Array) -> str:
+def slip_mistake(arm: ArmData) -> str:
     """Return what slip velocities show against the wrench, and what to do; empty where they show nothing.
 
-    Arguments as in `read_slip`. A pad slips in its plane, along x and y, and turns about z.
+    A pad slips in its plane, along x and y, and turns about z.
     """
+    if not {"wrench", "slip_measured"} <= arm.channels.keys():
+        return ""
+    (times, h), (stamps, twists) = ((own.times, own.rows) for own in map(arm.channel, ("wrench", "slip_measured")))
     scale = np.array([1.0, 1.0, 0.0, 0.0, 0.0, GovernorParams().torsional_radius])
     found = compare(times, -h * (scale > 0.0), stamps, twists * scale, SLIP_SPEED, DIFFERS)
     health = SensorHealth(int(found.found))
@@ -109,26 +79,34 @@ def slip_mistake(times: Array, h: Array, stamps: Array, twists: Array) -> str:
     return f"slip_velocity {words}: {health.to_do}" if words else ""
 
 
-def identify(motion: Motion, robot: Robot) -> pd.DataFrame:
+def identify(motion: ArmData, frame: str) -> pd.DataFrame:
     """Return the numbers of each joint by least squares over the motion; a row per joint, COLUMNS.
 
     effort = M qdd + C qd + g - J^T h + coulomb sign(qd) + viscous qd - offset, with velocities smoothed over 0.1 s.
+
+    frame: link at which the wrench, if there is one, is measured.
     """
-    q, v, dt = motion.position, motion.velocity, float(np.median(np.diff(motion.times)))
+    robot = Robot(motion.urdf, frame, motion.joint_names)
+    times, q, v = motion.channel("joints").times, motion.channel("joints").rows, velocity_of(motion)
+    dt, wrench = float(np.median(np.diff(times))), np.zeros((len(q), 6))
+    if felt := motion.channels.get("wrench"):
+        wrench = felt.rows[np.maximum(np.searchsorted(felt.times, times, side="right") - 1, 0)]
     smooth, acceleration = _smoothed(v, dt)
-    model, buffer, n = np.empty_like(q), new(ARM), q.shape[1]
+    model, load, buffer, n = np.empty_like(q), np.empty_like(q), new(ARM), q.shape[1]
     arm: Arm = record(buffer, ARM)
     for k in range(len(q)):
         robot.terms(q[k], smooth[k], buffer)
         model[k] = arm.M[:n, :n] @ acceleration[k] + arm.bias[:n]
-    rest = motion.effort - model + motion.load
-    found = pd.DataFrame(np.nan, index=pd.Index(motion.names, name="joint"), columns=list(COLUMNS))
+        h = wrench[k]
+        load[k] = arm.J[:, :n].T @ np.concatenate((arm.rotation @ h[:3], arm.rotation @ h[3:]))
+    rest = motion.channel("joint_effort").rows - model + load
+    found = pd.DataFrame(np.nan, index=pd.Index(motion.joint_names, name="joint"), columns=list(COLUMNS))
     # Differences in which the motion itself cancels.
     found["noise_position"] = np.std(np.diff(q, n=3, axis=0), axis=0) / np.sqrt(20.0)
     found["noise_velocity"] = np.std(np.diff(v, n=2, axis=0), axis=0) / np.sqrt(6.0)
     found["quantum"] = [_quantum(column) for column in q.T]
     fewest = np.sqrt(max(1.0, WINDOW_S / dt))
-    for name, speed, effort in zip(motion.names, smooth.T, rest.T, strict=True):
+    for name, speed, effort in zip(motion.joint_names, smooth.T, rest.T, strict=True):
         moves = np.abs(speed) > max(LEAST_SPEED, 6.0 * float(found.at[name, "noise_velocity"]) / fewest)
         if min(np.mean(moves & (speed > 0.0)), np.mean(moves & (speed < 0.0))) < LEAST_SHARE:
             continue
@@ -178,14 +156,3 @@ def _quantum(position: Array) -> float:
     least = float(steps.min())
     whole = np.abs(steps / least - np.round(steps / least)) < 0.01
     return least if np.mean(whole) >= STEPS and np.mean(steps < 1.5 * least) > 0.01 else 0.0
-
-
-def _loads(robot: Robot, q: Array, h: Array) -> Array:
-    """Return J^T h of wrenches on the axes of the pad; (N, n) [N m]."""
-    loads, still, buffer, n = np.empty_like(q), np.zeros(q.shape[1]), new(ARM), q.shape[1]
-    arm: Arm = record(buffer, ARM)
-    for k in range(len(q)):
-        robot.terms(q[k], still, buffer)
-        R, J = arm.rotation, arm.J[:, :n]
-        loads[k] = J.T @ np.concatenate((R @ h[k, :3], R @ h[k, 3:]))
-    return loads

@@ -16,7 +16,7 @@ import numpy as np
 from slip_core.arrays import Array
 from slip_core.cholesky import LARGEST, back_substitute, cholesky, forward_substitute
 from slip_core.compiled import part
-from slip_core.records import Real, Record, Whole, WholeArray, dtype_of
+from slip_core.records import Real, Record, Whole, dtype_of
 from slip_vic_controller.arm.estimator import LASTS_S, MOVES
 from slip_vic_controller.sizes import MAX_JOINTS, Joints
 
@@ -40,7 +40,7 @@ class Interface(IntEnum):
 
 
 class CommandLimits(Record):
-    """What no command exceeds, and what a loop that runs away is known by."""
+    """Limits of commands, and how a runaway loop is detected."""
 
     interface: Whole  # Interface
     joints: Whole
@@ -56,6 +56,7 @@ class CommandLimits(Record):
     longest_step_ns: Whole  # that counts between two commands
     restart_after_ns: Whole  # pause after which they start again
     period_ns: Whole  # of control
+    lag_s: Real  # s; from a command to the motion that the joint state shows
 
 
 class SentCommand(Record):
@@ -70,7 +71,7 @@ class SentCommand(Record):
     ignored_s: Joints  # s; for how long a joint has not moved so
 
 
-COMMAND_LIMITS, SENT_COMMAND = dtype_of(CommandLimits), dtype_of(SentCommand)
+SENT_COMMAND = dtype_of(SentCommand)
 
 
 @part
@@ -125,9 +126,7 @@ def stopping_speed(distance: float, acceleration: float) -> float:
 
 
 @part
-def advance_motion(
-    config: CommandLimits, state: SentCommand, qdd: Array, qd: Array, dt: float, limited: WholeArray
-) -> bool:
+def advance_motion(config: CommandLimits, state: SentCommand, qdd: Array, qd: Array, dt: float) -> None:
     """Integrate a joint acceleration over a time inside all limits; the result is `state`.
 
     Args:
@@ -135,17 +134,12 @@ def advance_motion(
         qdd: wanted (n,) [rad/s^2]; where one is not finite all joints come to rest instead.
         qd: measured or estimated (n,) [rad/s].
         dt: since the command before [s]; 0 changes nothing.
-        limited: result; which joints were limited (n,), 0 or 1.
-
-    Returns:
-        Whether `qdd` was finite.
     """
     finite, T = True, dt
     for j in range(config.joints):
         finite = finite and abs(qdd[j]) <= LARGEST
-        limited[j] = 0
     if dt <= 0.0:
-        return finite
+        return
     for j in range(config.joints):
         v, most = state.velocity[j], config.acceleration[j]
         change = brake = SHARE * most
@@ -157,23 +151,23 @@ def advance_motion(
         new = min(max(wanted, before - change), before + change) if finite else wanted  # at once to rest
         # The acceleration limit counts last: a jump of the others is no reason to jump.
         new = min(max(min(max(new, (-down - v) / T), (up - v) / T), -most), most)
-        limited[j] = 1 if new != wanted else 0
         state.position[j] = within_range(config, j, state.position[j] + (v + 0.5 * new * T) * T)
         state.velocity[j], state.acceleration[j] = v + new * T, new
-    return finite
 
 
 @part
 def ignored_joint(config: CommandLimits, state: SentCommand, qd: Array, dt: float) -> int:
     """Return a joint that does not take commands, -1 where all do: its driver is paused, or something blocks it.
 
-    Its velocity is off the commanded one by more than half of that, for LASTS_S. Such a command would throw the arm
-    when it counts again. qd: measured or estimated (n,) [rad/s]; dt: since the command before [s].
+    Its velocity is off the commanded one by more than half of that and what the lag of the drive explains, for LASTS_S.
+    Such a command would throw the arm when it counts again. qd: measured or estimated (n,) [rad/s]; dt: since the
+    command before [s].
     """
     found = -1
     for j in range(config.joints):
         v = abs(state.velocity[j])
-        ignored = v > MOVES and abs(qd[j] - state.velocity[j]) > 0.5 * v
+        explained = 0.5 * v + config.lag_s * abs(state.acceleration[j])
+        ignored = v > MOVES and abs(qd[j] - state.velocity[j]) > explained
         state.ignored_s[j] = state.ignored_s[j] + dt if ignored else 0.0
         if state.ignored_s[j] > LASTS_S:
             found = j
@@ -190,11 +184,11 @@ def return_to(config: CommandLimits, state: SentCommand, q: Array, dt: float) ->
 
 
 @part
-def stop_motion(config: CommandLimits, state: SentCommand, dt: float, limited: WholeArray) -> None:
+def stop_motion(config: CommandLimits, state: SentCommand, dt: float) -> None:
     """Bring the command to rest inside its limits; dt: since the command before [s]."""
     nowhere, before = np.full(MAX_JOINTS, np.nan), state.velocity.copy()
     state.ignored_s[:] = 0.0
-    advance_motion(config, state, nowhere, before, dt, limited)
+    advance_motion(config, state, nowhere, before, dt)
     for j in range(config.joints):
         if abs(before[j]) <= config.acceleration[j] * dt:  # to the last bit
             state.velocity[j] = state.acceleration[j] = 0.0

@@ -18,35 +18,33 @@ works with this prediction.
 
 Which measurements of a joint are used follows from their parity, the change of its position less the integral of its
 velocity. A random walk of the disturbance swallows a velocity that lies slowly; the cumulative sum of the parity does
-not. It begins again wherever nothing is left of it, so that the ways since then are those of what is wrong, and tell
-which of the two it is. A joint that moves and reads the same to the last bit is not measured: the model tells where it
-is.
+not. It restarts at zero, so that the distances since then are those of the fault, and show which of the two it is. A
+joint that moves and reads the same to the last bit is not measured: its position is the model's.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Final, NamedTuple
+from enum import IntEnum, unique
+from typing import Annotated, Final, NamedTuple
 
 from slip_core.arrays import Array
 from slip_core.compiled import part
-from slip_vic_controller.arm.joint_estimate import (
-    LONGEST_STEP,
-    QUICK,
-    RING,
-    EstimatorConfig,
-    JointEstimate,
-    JointRecord,
-    Trust,
-    find,
-)
-from slip_vic_controller.safety.conditions import Reason
+from slip_core.records import Real, Record, Whole, dtype_of
+from slip_vic_controller.safety.conditions import NOTHING, Reason, Why, WhyRecord, put_why
+from slip_vic_controller.sizes import MAX_JOINTS, Joints, WholeJoints
 
+MAX_LATENCY: Final = 32
+"""Control periods by which the joint sensor may be late."""
+LONGEST_STEP: Final = 20
+"""Control periods after which a sample restarts the estimate, because the arm's motion is unknown."""
+RING: Final = MAX_LATENCY + LONGEST_STEP + 1
+"""Inputs that are kept: of so many control periods."""
 FAST: Final = 20.0
 """Distance of the velocity from the measured one [rad/s] from which an estimate is none: the forces of the model grow
 with the square of velocity, so one that runs away doubles its exponent in every cycle."""
 BLIND_S: Final = 0.5
-"""Time for which the model tells where a joint is that is not measured [s]: enough to come to rest, not to hold it."""
+"""Time for which the model replaces a joint that is not measured [s]: enough to come to rest, not to hold it."""
 DIFFERENCE, BIAS = 5e-3, 0.01
 """Sum of the parity that contradicts [rad], beyond a difference of the velocities that may last [rad/s]."""
 OUTRUN: Final = 3.0
@@ -62,6 +60,130 @@ LASTS_S: Final = 0.3
 """Time for which a joint may be disturbed beyond its bound, or not move as commanded [s]."""
 MOVES: Final = 0.02
 """Speed from which neither friction nor noise hides that a joint moves [rad/s]."""
+SLOW_S: Final = 0.2
+"""Time constant of the disturbance that is no collision [s]."""
+WITH_WRENCH: Final = 0.5
+"""Share of a jump of the disturbance from which the wrench that has jumped too explains it, ..."""
+NOTICED: Final = 0.3
+"""... where that is this share of what is a collision: an object that is accelerated jumps less. And share of the
+parity that contradicts from which a jump may be a wrong measurement."""
+
+
+@unique
+class Trust(IntEnum):
+    """Which measurement of a joint is used."""
+
+    BOTH = 0
+    POSITION = 1
+    VELOCITY = 2
+    NEITHER = 3  # the model alone
+
+
+BothWays = Annotated[Array, (2, MAX_JOINTS)]
+QUICK: Final = len(Trust)
+"""Row of the gains for both measurements while innovations show that the disturbance changes fast, after those by
+Trust."""
+
+
+class JointRecord(Record):
+    """A joint state."""
+
+    stamp_ns: Whole
+    position: Joints  # rad
+    velocity: Joints  # rad/s
+    effort: Joints  # N m
+
+
+class EstimatorConfig(Record):
+    """What does not change while the controller runs."""
+
+    on: Whole  # 0: samples are used as they are, until one contradicts another
+    joints: Whole
+    period: Real  # s; of control
+    bandwidth: Real  # rad/s; of velocity drives, 0 = efforts
+    late_ticks: Whole  # latency of the sensor, whole control periods
+    drive_ticks: Whole  # control periods from an input to its effect
+    sensor_ticks: Whole  # control periods for which the sensor repeats a sample; 1 = each is new
+    sensor_period: Real  # s; between new samples
+    gain: Annotated[Array, (5, 3, 2)]  # of (q, v, d) for innovations of position and velocity; by Trust, and QUICK
+    quick_ticks: Whole  # control periods for which QUICK is used after the innovations have said so
+    scale: Annotated[Array, 2]  # 1/rad, s/rad; over the standard deviation of an innovation
+    weight: Real  # of a new innovation in their mean
+    gate: Real  # square of the mean of scaled innovations that is no noise
+    velocity_variance: Real  # (rad/s)^2; of the predicted velocity
+    change_variance: Real  # (rad/s)^2; noise of its change over a period
+    difference: Real  # rad; sum of the parity that is no noise
+    late: Real  # s; by which velocities may be behind positions
+    unmoved: (
+        Real  # rad; way by its velocity after which a joint that is measured does not read the same to the last bit
+    )
+    bound: Joints  # N m; most of the disturbance that is taken off the effort
+    rate: Joints  # N m/s; of what is taken off
+    settling: Real  # s; time constant with which it follows the estimate
+    collision: Joints  # N m; jump of the disturbance that is a collision
+    friction: Joints  # N m; of the joints, as configured: it changes its sign with the velocity
+
+
+class JointEstimate(Record):
+    """The estimate and its memory."""
+
+    started: Whole
+    stamp_ns: Whole  # of the last sample
+    renewed_ns: Whole  # of the last one that was new
+    since: Whole  # control periods since one corrected the estimate
+    q: Joints  # rad; when the last sample was measured
+    v: Joints  # rad/s
+    d: Joints  # rad/s^2; disturbance
+    position: Joints  # rad; now
+    velocity: Joints  # rad/s; now
+    newest: Whole  # place of the last input in its ring
+    inputs: Annotated[Array, (RING, MAX_JOINTS)]  # rad/s^2 or rad/s; one per control period
+    remembered: Whole  # inputs since the last sample
+    measured_position: Joints  # rad; of the last sample
+    measured_velocity: Joints  # rad/s
+    mean_q: Joints  # mean of scaled innovations of position
+    mean_v: Joints  # and of velocity
+    quick: WholeJoints  # control periods for which the gains QUICK are used still
+    parity: BothWays  # rad; sum of what position shows beyond velocity, and of the opposite
+    moved: BothWays  # rad; way of the position since the sum was zero
+    swept: BothWays  # rad; way of the velocity
+    began: BothWays  # rad/s; the velocity then
+    same_position: WholeJoints  # samples in a row that are equal to the last bit
+    same_velocity: WholeJoints
+    reversals: WholeJoints  # of the velocity from sample to sample, since a sample after one that repeated another
+    unmeasured: WholeJoints  # control periods for which it has read the same, though it moves or never did before
+    trust: WholeJoints  # Trust
+    alone: Whole  # whether positions alone are measured
+    effort: Joints  # N m; disturbance
+    slow_effort: Joints  # N m; its low-pass
+    slow_wrench: Joints  # N m; low-pass of the measured wrench's torque
+    wrench_jump: Joints  # N m; how far that has been off its low-pass, faded
+    taken_off: Joints  # N m; added to the effort against it
+    jumped_s: Joints  # s; for how long the disturbance has been off its low-pass
+    beyond_s: Joints  # s; for how long it has been beyond its bound
+    found: WhyRecord  # what is wrong with a joint, the first thing; kept until `clear_findings`
+
+
+ESTIMATOR_CONFIG = dtype_of(EstimatorConfig)
+
+
+@part
+def clear_findings(state: JointEstimate) -> None:
+    """Clear the findings: both measurements of every joint are used again from the next sample on."""
+    if state.trust.any():
+        state.started = 0
+    put_why(state.found, NOTHING)
+    state.trust[:] = 0
+    state.parity[:] = 0.0
+    state.jumped_s[:] = 0.0
+    state.beyond_s[:] = 0.0
+
+
+@part
+def find(state: JointEstimate, reason: int, j: int, value: float, limit: float) -> None:
+    """Record the fault of joint j; the first one stays."""
+    if state.found.reason == Reason.NONE:
+        put_why(state.found, Why(0 + reason, 0, 0, j, value, limit))
 
 
 class Transition(NamedTuple):
@@ -100,7 +222,7 @@ def start_estimate(config: EstimatorConfig, state: JointEstimate, stamp_ns: int,
     for j in range(config.joints):
         position, velocity = q[j], qd[j]
         if state.unmeasured[j] > 0 and joint_repeats(state, j, q, qd) and math.isfinite(state.position[j]):
-            # It is still where the model had it, and something has held it meanwhile.
+            # It is still where the model had it, and something has held it in between.
             position, velocity = state.position[j], 0.0
         else:
             state.unmeasured[j] = 0
@@ -112,20 +234,19 @@ def start_estimate(config: EstimatorConfig, state: JointEstimate, stamp_ns: int,
         state.same_position[j] = state.same_velocity[j] = 0
         state.mean_q[j], state.mean_v[j], state.quick[j] = 0.0, 0.0, 0
         if config.bandwidth > 0.0:
-            for k in range(RING):
-                state.inputs[k, j] = velocity
+            state.inputs[:, j] = velocity
 
 
 @part
 def input_of(config: EstimatorConfig, state: JointEstimate, ago: int, j: int) -> float:
-    """Return the input of joint j that was at work `ago` periods before the last one; drives take it up late."""
+    """Return the input of joint j that was in effect `ago` periods before the last one; drives respond late."""
     k = state.newest - ago - config.drive_ticks
     return state.inputs[k if k >= 0 else k + RING, j]
 
 
 @part
 def remember_input(config: EstimatorConfig, state: JointEstimate, u: Array) -> None:
-    """Keep what the joints do from now on; (n,) [rad/s^2], with velocity drives [rad/s]."""
+    """Store the motion of the joints from now on; (n,) [rad/s^2], with velocity drives [rad/s]."""
     state.newest = state.newest + 1 if state.newest + 1 < RING else 0
     state.remembered += 1
     for j in range(config.joints):
@@ -143,7 +264,7 @@ def estimate_joints(
         state: changed.
         stamp_ns: of the sample.
         q, qd: measured; (n,) [rad], [rad/s].
-        measured: whether they were, at the stamp; else they are those of the last sample, and the model alone goes on.
+        measured: whether they were, at the stamp; else they are those of the last sample, and only the model continues.
 
     Implements: ours; the filter is Kalman's in steady state, as in R. E. Kalman, 1960.
     """
@@ -363,7 +484,7 @@ def _add_parity(state: JointEstimate, j: int, dt: float, way: float, beyond: flo
 
 @part
 def contradiction(config: EstimatorConfig, state: JointEstimate, j: int) -> float:
-    """Return the larger parity of joint j [rad], less what a velocity that is late explains: its gain by that time."""
+    """Return the larger parity of joint j [rad], minus what a late velocity explains: its change in that time."""
     gain = state.measured_velocity[j] - state.began[:, j]
     above = state.parity[0, j] - config.late * max(gain[0], 0.0)
     below = state.parity[1, j] - config.late * max(-gain[1], 0.0)
@@ -388,8 +509,75 @@ def _believed(config: EstimatorConfig, state: JointEstimate, j: int, dt: float) 
 
 @part
 def _reject(config: EstimatorConfig, state: JointEstimate, j: int, trust: int) -> None:
-    """Let joint j continue with what is left of its measurements, and note what is wrong with the others."""
+    """Let joint j continue with its remaining measurements, and record the fault of the others."""
     if state.trust[j] == Trust.BOTH:
         state.trust[j] = trust
         reason = Reason.VELOCITY.value + trust - Trust.POSITION.value  # in the same order
         find(state, reason, j, contradiction(config, state, j), config.difference)
+
+
+# -- compensation of the disturbance, and when a jump of it is a collision --------------------------------
+
+
+@part
+def oppose_disturbance(
+    config: EstimatorConfig,
+    state: JointEstimate,
+    M: Array,
+    of_wrench: Array,
+    dt: float,
+    judged: bool,
+    torque: Array,
+) -> None:
+    """Take the disturbance off the effort, inside its bound and rate, and look for jumps and lasting excess.
+
+    A wrench that is measured wrongly looks like a disturbance, since the joints do not feel it. So a disturbance that
+    jumps together with the wrench is no collision, and is not taken off.
+
+    Args:
+        config: what does not change.
+        state: changed.
+        M: inertia (n, n) [kg m2].
+        of_wrench: J^T h, torque of the measured wrench; (n,) [N m].
+        dt: since the cycle before [s].
+        judged: whether the noise of joint velocities is known by now; before, a jump may be noise.
+        torque: changed; (n,) [N m].
+
+    Implements: ours: tau -= M d.
+    """
+    n, weight, follow = config.joints, 1.0 - math.exp(-dt / SLOW_S), 1.0 - math.exp(-dt / config.settling)
+    # The inertia carries a joint that is measured wrongly, or not at all, into the torques of the others.
+    unmeasured = bool(state.unmeasured.max() >= config.sensor_ticks)
+    doubtful = unmeasured or not judged
+    for j in range(n):
+        differs = contradiction(config, state, j) > NOTICED * config.difference
+        doubtful = doubtful or state.trust[j] != Trust.BOTH or differs
+    for j in range(n):
+        effort = 0.0
+        for k in range(n):
+            effort += M[j, k] * state.d[k]
+        if is_unmeasured(config, state, j):
+            # What is known of it is its torque: the acceleration depends on the other joints, too.
+            state.d[j] += (state.effort[j] - effort) / M[j, j]
+            effort = state.effort[j]
+        state.effort[j] = effort
+        jump, wrench_jump = effort - state.slow_effort[j], of_wrench[j] - state.slow_wrench[j]
+        state.wrench_jump[j] = max(abs(wrench_jump), (1.0 - weight) * state.wrench_jump[j])
+        most = config.collision[j] + 2.0 * config.friction[j]  # which turns round
+        with_wrench = state.wrench_jump[j] > max(WITH_WRENCH * abs(jump), NOTICED * config.collision[j])
+        lasting = state.slow_effort[j] if with_wrench else effort
+        # Neither low-pass may run to a wrench of some hundred newtons: it would get there in a few cycles.
+        pull = NOTICED * config.collision[j] if with_wrench else math.inf
+        state.slow_effort[j] += weight * min(max(jump, -pull), pull)
+        state.slow_wrench[j] += weight * min(max(wrench_jump, -pull), pull)
+        jumped = abs(jump) > most and not with_wrench and not doubtful
+        state.jumped_s[j] = state.jumped_s[j] + dt if jumped else 0.0
+        bound, step = config.bound[j], config.rate[j] * dt
+        wanted = state.taken_off[j] if unmeasured else min(max(-lasting, -bound), bound)
+        state.taken_off[j] += min(max(follow * (wanted - state.taken_off[j]), -step), step)
+        torque[j] += state.taken_off[j]
+        state.beyond_s[j] = state.beyond_s[j] + dt if abs(effort) > bound else 0.0
+        if state.jumped_s[j] > MEAN_S:
+            find(state, Reason.COLLISION.value, j, jump, most)
+        elif state.beyond_s[j] > LASTS_S:
+            find(state, Reason.DISTURBED.value, j, effort, bound)

@@ -1,4 +1,4 @@
-"""Tare at rest: what the sensors of an arm read while nothing moves, before the law begins.
+"""Tare at rest: readings of an arm's sensors without motion, before the law starts.
 
 Nothing slips in HOLD, and the load of the resting object is known. So the mean of a slip sensor's samples is its bias,
 the mean of the wrench beyond the model's load is that of the wrench sensor, and the spread of all is their noise. A
@@ -25,18 +25,17 @@ from slip_vic_controller.safety.conditions import NOTHING, Reason, Why, WhyRecor
 from slip_vic_controller.sizes import NEVER, Joints
 
 LEAST_SAMPLES: Final = 5
-"""Samples of a sensor without which its mean says nothing."""
+"""Samples of a sensor required for a mean."""
 MOVED: Final = 0.02
-"""Motion of a joint during a tare that ends it: by what the model of the arm, its drives or its load lacks [rad]."""
+"""Motion of a joint that ends a tare, from errors of the model of arm, drives or load [rad]."""
 OUTLIER: Final = 3.0
-"""Distance of a slip velocity from where it may be, over its bound or its standard deviation, from which it is an
-outlier."""
+"""Size of a slip velocity at rest, over its bound or its standard deviation, from which it is an outlier."""
 ROUGH: Final = 50
 """Differences of joint velocities whose spread is taken for noise, before the arm is at rest."""
 
 
 class TareConfig(Record):
-    """Bounds of what may be taken out."""
+    """Bounds of the biases that may be removed."""
 
     duration_ns: Whole  # of rest before the law begins; 0 = no tare
     joints: Whole
@@ -81,18 +80,12 @@ class Tare(Record):
 
 @part
 def start_tare(state: Tare, begun_ns: int) -> None:
-    """Forget what was measured; begun_ns: stamp of a joint state at rest, NEVER where there is none yet [ns]."""
+    """Clear the measurements; begun_ns: stamp of a joint state at rest, NEVER if there is none yet [ns]."""
     state.begun_ns, state.done, state.wrench_ns, state.mass_share = begun_ns, 0, begun_ns, 0.0
     state.slip_count, state.slip_linear, state.slip_angular = 0, 0.0, 0.0
     put_why(state.found, NOTHING)
     for mean in (state.slip, state.wrench, state.velocity):
         mean.count, mean.average[:], mean.squares[:], mean.bias[:] = 0, 0.0, 0.0, 0.0
-
-
-@part
-def is_unchecked(config: TareConfig, state: Tare) -> bool:
-    """Return whether the sensors wait for a tare, or the last one did not pass."""
-    return bool(config.duration_ns > 0 and (state.done == 0 or state.found.reason != Reason.NONE))
 
 
 @part
@@ -125,25 +118,20 @@ def add(state: Mean, values: Array, n: int) -> None:
 
 @part
 def add_slip(config: TareConfig, state: Tare, twist: Array) -> None:
-    """Take a slip velocity (6,) [m/s, rad/s] {ee} into its mean; an outlier takes one of those before away instead.
+    """Take a slip velocity (6,) [m/s, rad/s] {ee} into its mean; an outlier widens no spread and moves no mean.
 
-    So the mean is that of the majority, wherever it begins, and outliers widen no spread. An outlier counts little in
-    the mean size, too; but where every sample is one, as in another unit, that is beyond all bounds.
-
-    Implements: ours, as R. S. Boyer and J S. Moore's majority vote, 1981.
+    It counts little in the mean size, too; but where every sample is one, as in another unit, that is beyond all
+    bounds.
     """
-    slip, far, v = state.slip, False, spatial(twist)
+    far, v = False, spatial(twist)
     state.slip_count += 1
     state.slip_linear += (min(v.linear.norm(), OUTLIER * config.slip_linear) - state.slip_linear) / state.slip_count
     state.slip_angular += (min(v.angular.norm(), OUTLIER * config.slip_angular) - state.slip_angular) / state.slip_count
     for k in range(6):
         bound = config.slip_linear if k < 3 else config.slip_angular
-        far = far or abs(twist[k] - slip.average[k]) > OUTLIER * bound
-    if slip.count == 0 or not far:
-        add(slip, twist, 6)
-    else:
-        slip.squares[:] *= (slip.count - 1) / slip.count
-        slip.count -= 1
+        far = far or abs(twist[k]) > OUTLIER * bound
+    if not far:
+        add(state.slip, twist, 6)
 
 
 @part
@@ -170,36 +158,30 @@ def exceeds(mean: Mean, k: int, bound: float) -> bool:
 
 
 @part
-def accuse(state: Tare, which: int, mean: Mean, first: int, last: int, bound: float) -> bool:
-    """Name a sensor of whose mean one of the numbers first:last exceeds its bound; return whether one does."""
-    for k in range(first, last):
-        if exceeds(mean, k, bound):
-            put_why(state.found, Why(Reason.BIASED.value, 0, 0, which, abs(mean.average[k]), bound))
-            return True
-    return False
-
-
-@part
-def scatters(state: Tare, which: int, size: float, bound: float) -> bool:
-    """Name a slip sensor whose samples at rest are larger than the largest bias; return whether they are."""
-    if size > bound and state.slip_count >= LEAST_SAMPLES:
-        put_why(state.found, Why(Reason.BIASED.value, 0, 0, which, size, bound))
-        return True
-    return False
+def accuse(state: Tare, which: int, reads: float, bound: float) -> None:
+    """Name a sensor that reads more than its bound at rest, unless one is named already."""
+    if state.found.reason == Reason.NONE:
+        put_why(state.found, Why(Reason.BIASED.value, 0, 0, which, reads, bound))
 
 
 @part
 def judge_tare(config: TareConfig, state: Tare) -> bool:
-    """Name the first sensor whose mean is out of bounds, in the order of the words; return whether there is one."""
-    return bool(
-        scatters(state, 0, state.slip_linear, config.slip_linear)
-        or scatters(state, 1, state.slip_angular, config.slip_angular)
-        or accuse(state, 0, state.slip, 0, 3, config.slip_linear)
-        or accuse(state, 1, state.slip, 3, 6, config.slip_angular)
-        or accuse(state, 2, state.wrench, 0, 3, config.force)
-        or accuse(state, 3, state.wrench, 3, 6, config.torque)
-        or accuse(state, 4, state.velocity, 0, config.joints, MOVES)
-    )
+    """Name the first sensor that is out of bounds, in the order of the words; return whether there is one.
+
+    Of a slip sensor its mean size, which noise has too, of the others the mean.
+    """
+    if state.slip_count >= LEAST_SAMPLES and state.slip_linear > config.slip_linear:
+        accuse(state, 0, state.slip_linear, config.slip_linear)
+    if state.slip_count >= LEAST_SAMPLES and state.slip_angular > config.slip_angular:
+        accuse(state, 1, state.slip_angular, config.slip_angular)
+    for k in range(6):
+        bound = config.force if k < 3 else config.torque
+        if exceeds(state.wrench, k, bound):
+            accuse(state, 2 + k // 3, abs(state.wrench.average[k]), bound)
+    for j in range(config.joints):
+        if exceeds(state.velocity, j, MOVES):
+            accuse(state, 4, abs(state.velocity.average[j]), MOVES)
+    return bool(state.found.reason != Reason.NONE)
 
 
 @part
@@ -224,7 +206,7 @@ def leave_to_mass(config: TareConfig, state: Tare, weight: Array) -> float:
 
 @part
 def take_biases(config: TareConfig, state: Tare, weight: Array, now_ns: int, q: Array) -> None:
-    """Take what was measured as biases, or name the sensor that is out of bounds.
+    """Use the means as biases, or name the sensor that is out of bounds.
 
     What the joints have moved by, as their positions show it, is no bias of their velocities: at rest means slower
     than BIAS.

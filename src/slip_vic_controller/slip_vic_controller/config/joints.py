@@ -8,12 +8,21 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from slip_core.arrays import Array
+from slip_core.arrays import Array, product, riccati, solve
 from slip_core.errors import InputError
-from slip_core.matrices import product, riccati, solve
 from slip_core.records import new, record
-from slip_vic_controller.arm.estimator import BIAS, DIFFERENCE, MEAN_S, SIGNIFICANT, transition
-from slip_vic_controller.arm.joint_estimate import ESTIMATOR_CONFIG, MAX_LATENCY, QUICK, EstimatorConfig, Trust
+from slip_vic_controller.arm.estimator import (
+    BIAS,
+    DIFFERENCE,
+    ESTIMATOR_CONFIG,
+    MAX_LATENCY,
+    MEAN_S,
+    QUICK,
+    SIGNIFICANT,
+    EstimatorConfig,
+    Trust,
+    transition,
+)
 from slip_vic_controller.arm.tare import Mean, Tare, deviation
 from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.sizes import MAX_JOINTS
@@ -30,11 +39,11 @@ MODEL_NOISE, QUICK_DRIFT = 0.1, 100.0
 """Joint acceleration that the model leaves out, white, in every control period, and the drift of the disturbance where
 friction turns round: standard deviations [rad/s^2]."""
 SETTLES_AFTER: Final = 5.0
-"""Of what is taken off: time constant with which it follows the estimate, over the control period or all delays
-of the loop, so that noise does not shake the arm, friction that turns round does not swing it, and arms that share an
-object do not answer what the others compensate."""
+"""Of the compensation: time constant with which it follows the estimate, over the control period or all delays of the
+loop, so that noise does not shake the arm, friction that turns round does not swing it, and arms that share an object
+do not answer what the others compensate."""
 RATE, COLLISION = 10.0, 0.3
-"""Fastest change of what is taken off [1/s], and jump of the disturbance that is a collision, as shares of the joint's
+"""Fastest change of the compensation [1/s], and jump of the disturbance that is a collision, as shares of the joint's
 effort limit."""
 LARGER: Final = 1.5
 """Measured noise over the configured one from which it is used: a spread of few samples is not exact."""
@@ -96,7 +105,7 @@ def steady_state(tuning: Tuning, measured: Sequence[int] = (0, 1)) -> SteadyStat
 
 
 def tuning_of(params: ControllerParams) -> Tuning:
-    """Return what the filter of a joint is made for.
+    """Return the assumptions of a joint's filter.
 
     A count is uniform noise. A velocity that is made of counts has the noise of their difference, less by its filter,
     and the filter's lag at LAG_ACCELERATION.

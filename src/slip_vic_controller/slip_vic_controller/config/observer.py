@@ -9,7 +9,7 @@ import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.records import new, record
-from slip_vic_controller.contact.layouts import OBSERVER_CONFIG, WITNESSES, ObserverConfig
+from slip_vic_controller.contact.observer import CONTRADICTIONS, OBSERVER_CONFIG, ObserverConfig
 from slip_vic_controller.params.controller_params import ControllerParams
 
 
@@ -39,14 +39,14 @@ class Tuning(NamedTuple):
 TUNING: Final = Tuning()
 
 
-def witnesses(params: ControllerParams) -> int:
+def slip_count(params: ControllerParams) -> int:
     """Return how many slip samples in a row count as slip: a real sensor has outliers, a flag has none.
 
     A sensor that is configured as perfect needs no second sample, unless the arm is not: then neither is perfect.
     """
     sensor = params.slip_sensor
     perfect = max(sensor.noise_linear, sensor.noise_angular, sensor.quantum_linear) == 0.0
-    return 1 if (perfect and not params.estimates_joints) or params.slip_input == "flag" else WITNESSES
+    return 1 if (perfect and not params.estimates_joints) or params.slip_input == "flag" else CONTRADICTIONS
 
 
 def observer_config(params: ControllerParams, tuning: Tuning = TUNING) -> Array:
@@ -102,7 +102,7 @@ def observer_config(params: ControllerParams, tuning: Tuning = TUNING) -> Array:
     count = max(int(np.sum(config.axes)), 1)
     config.nis_slip = float(chdtri(count, tuning.false_alarm_rate))
     config.nis_stick = float(chdtri(count, 1.0 - tuning.stick_share))
-    needed = witnesses(params)  # so many samples shift the mean beyond what is significant, one less does not
+    needed = slip_count(params)  # so many samples shift the mean beyond what is significant, one less does not
     config.most_step = 1.0 / (needed - 0.5) if needed > 1 else math.inf
     config.information[:] = config.axes / config.measurement_variance
     config.mean_share = tuning.smoothing / (2.0 - tuning.smoothing)

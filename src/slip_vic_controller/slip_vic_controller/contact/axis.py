@@ -1,12 +1,12 @@
-"""One axis of the slip observer: a Kalman filter of slip velocity and of the model's two errors.
+"""One axis of the slip observer: a Kalman filter for slip velocity and two model errors.
 
 State x = (v, b, c) with covariance P: slip velocity; constant error of the predicted object acceleration, from a wrench
 bias; and its error in proportion to the measured specific force f, from a wrong mass or inertia:
 
     v[k+1] = v[k] + step - dt (b + c f) + w_v,   b[k+1] = b[k] + w_b,   c[k+1] = c[k]
 
-Axes are filtered apart: what couples them (the turning of the pad) is small over the time the filter remembers, and is
-in the `step` that it is given. The covariance is symmetric, so six numbers hold it, and F P F^T + Q is written out.
+Axes are filtered separately: their coupling (rotation of the pad) is small over the filter's memory, and is part
+of `step`. The covariance is symmetric, so six numbers hold it, and F P F^T + Q is written out.
 
 On pad axes; v in m/s (linear) or rad/s (angular), b in m/s^2 or rad/s^2, c without unit.
 """
@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 
 from slip_core.compiled import part
-from slip_core.records import Real, Record, dtype_of
+from slip_core.records import Real, Record
 
 
 class Axis(Record):
@@ -33,8 +33,6 @@ class Axis(Record):
     P_cc: Real
 
 
-AXIS = dtype_of(Axis)
-
 RARE = 1e-6
 """Probability of the dead band below which only its near edge matters."""
 _SQRT_HALF = math.sqrt(0.5)
@@ -43,19 +41,19 @@ _INVERSE_SQRT_TWO_PI = 1.0 / math.sqrt(2.0 * math.pi)
 
 @part
 def put_velocity(x: Axis, v: float, P_vv: float) -> None:
-    """Set the slip velocity, as one that has nothing to do with the model's errors."""
+    """Set the slip velocity, uncorrelated with the model's errors."""
     x.v, x.P_vv, x.P_vb, x.P_vc = v, P_vv, 0.0, 0.0
 
 
 @part
 def forget_errors(x: Axis, P_bb: float, P_cc: float) -> None:
-    """Let the model's errors be as unknown as in the beginning: the estimates of them stay."""
+    """Reset the uncertainty of the model's errors to its initial value; the estimates stay."""
     x.P_vb, x.P_vc, x.P_bb, x.P_bc, x.P_cc = 0.0, 0.0, P_bb, 0.0, P_cc
 
 
 @part
 def predict(x: Axis, step: float, f: float, dt: float, q_v: float, q_b: float) -> None:
-    """Take the estimate one tick further: x <- F x + u, P <- F P F^T + Q.
+    """Predict the estimate over one tick: x <- F x + u, P <- F P F^T + Q.
 
     F = [[1, -dt, -dt f], [0, 1, 0], [0, 0, 1]], u = (step, 0, 0), Q = diag(q_v, q_b, 0).
 
@@ -78,7 +76,7 @@ def predict(x: Axis, step: float, f: float, dt: float, q_v: float, q_b: float) -
 
 @part
 def correct(x: Axis, z: float, R: float) -> None:
-    """Take in a measurement z of v, variance R: Kalman's correction with H = (1, 0, 0)."""
+    """Correct with a measurement z of v, variance R: Kalman's correction with H = (1, 0, 0)."""
     S, innovation = x.P_vv + R, z - x.v
     k_v, k_b, k_c = x.P_vv / S, x.P_vb / S, x.P_vc / S
     left = R / S  # 1 - k_v without the loss of digits
@@ -95,10 +93,10 @@ def correct(x: Axis, z: float, R: float) -> None:
 
 @part
 def correct_within(x: Axis, band: float, R: float) -> None:
-    """Take in a reading of zero: a measurement, variance R, that lies within +-`band` [m/s or rad/s].
+    """Correct with a reading of zero: a measurement, variance R, that lies within +-`band` [m/s or rad/s].
 
-    The posterior has mean and variance of a truncated normal distribution: those that a measurement would leave whose
-    innovation and variance are worked out here.
+    The posterior has mean and variance of a truncated normal distribution, obtained from an equivalent measurement
+    whose innovation and variance are computed here.
     """
     S = x.P_vv + R
     deviation = math.sqrt(S)
@@ -119,8 +117,7 @@ def correct_within(x: Axis, band: float, R: float) -> None:
 def excess(x: Axis, z: float, R: float, limit: float) -> float:
     """Return by how much the square of an innovation exceeds that of `limit` standard deviations, 0 where it does not.
 
-    Added to R over limit^2, it lets an outlier pull with the force of `limit` deviations, never more, and a lasting one
-    prevails.
+    Added to R over limit^2, it bounds the pull of an outlier to that of `limit` deviations; a lasting one prevails.
     """
     innovation = z - x.v
     return max(innovation * innovation - limit * limit * (x.P_vv + R), 0.0)

@@ -1,14 +1,14 @@
-"""The belief about friction: how likely each friction limit is, with the object sticking and with it sliding.
+"""The belief about friction: the probability of each friction limit, with the object sticking and sliding.
 
-Hypothesis i: friction carries r_i F, with F what is configured at the present grip. A hidden Markov model of two modes
-for each: a_i = P(r_i, sticks), b_i = P(r_i, slides). A cycle compares the load l of the wrench with the load p that
-the motion needs, each sample of the slip sensor counts at its own stamp, and the risk quantile of what the contact
-still carries, a_i at r_i and b_i at k r_i, tells how hard to squeeze.
+Hypothesis i: friction carries r_i F, F the limit configured at this grip. A hidden Markov model of two modes
+for each: a_i = P(r_i, sticks), b_i = P(r_i, slides). A cycle compares the load l of the wrench with the load p that the
+motion needs, each sample of the slip sensor counts at its own stamp, and the risk quantile of what the contact still
+carries, a_i at r_i and b_i at k r_i, sets the squeeze.
 
     p = mean l + s (d - mean d),   d: load of the commanded acceleration,   s: regression of the changes
 
-p follows the wrench only as far as the object sticks: in a slip the measured load falls with friction, and a squeeze
-that followed it down would end the grasp. A wrong mass is in s, a wrong centre of mass in the means.
+p follows the wrench only while the object sticks: in a slip the measured load falls with friction, and a squeeze that
+followed it would lose the object. s absorbs a wrong mass, the means a wrong centre of mass.
 """
 
 from __future__ import annotations
@@ -16,15 +16,17 @@ from __future__ import annotations
 import math
 from typing import Annotated, Final, NamedTuple
 
+import numpy as np
+
 from slip_core.arrays import Array
 from slip_core.compiled import part
-from slip_core.records import Real, Record, Vec6, Whole, WholeArray, dtype_of
+from slip_core.records import Real, Record, Vec6, Whole, WholeArray
 from slip_core.vectors import ZERO, Spatial, Vec, put_spatial, spatial
 
 RATIOS: Final = 48
 """Hypotheses, evenly on a logarithmic scale."""
 PAST: Final = 80
-"""Times in the past at which it is kept how likely each hypothesis slid, for samples that come late."""
+"""Number of past times whose slide probabilities are stored, for samples that arrive late."""
 
 
 class Tuning(NamedTuple):
@@ -65,11 +67,16 @@ class Tuning(NamedTuple):
 
 
 BELIEF_TUNING: Final = Tuning()
+RATIO: Final = np.array([BELIEF_TUNING.least_ratio * math.exp(i * BELIEF_TUNING.step) for i in range(RATIOS)])
+"""r_i."""
+PRIOR: Final = np.array([math.exp(-0.5 * (math.log(r) / BELIEF_TUNING.spread) ** 2) for r in RATIO.tolist()])
+"""Probability of each hypothesis at first, over `PRIORS`."""
+PRIORS: Final = float(np.cumsum(PRIOR)[-1])  # `sum` rounds differently from Python 3.12 on
 _SQRT_HALF: Final = math.sqrt(0.5)
 
 
 class Belief(Record):
-    """P(r_i, sticks) and P(r_i, slides), and what is remembered of the loads."""
+    """P(r_i, sticks) and P(r_i, slides), and the memory of loads."""
 
     sticks: Annotated[Array, RATIOS]
     slides: Annotated[Array, RATIOS]
@@ -88,15 +95,6 @@ class Belief(Record):
     past: Annotated[Array, (PAST, RATIOS)]  # P(slides | r_i) then
 
 
-BELIEF = dtype_of(Belief)
-
-
-@part
-def ratio(i: int) -> float:
-    """Return r_i."""
-    return BELIEF_TUNING.least_ratio * math.exp(i * BELIEF_TUNING.step)
-
-
 @part
 def below(x: float) -> float:
     """Return the standard normal distribution function."""
@@ -104,20 +102,9 @@ def below(x: float) -> float:
 
 
 @part
-def prior(i: int) -> float:
-    """Return the probability of a hypothesis at first, not normalised."""
-    z = math.log(ratio(i)) / BELIEF_TUNING.spread
-    return math.exp(-0.5 * z * z)
-
-
-@part
 def start_belief(state: Belief, load: float, F: float) -> None:
     """Begin at rest with a load [N]; F: friction as configured at this grip [N]."""
-    total = 0.0
-    for i in range(RATIOS):
-        total += prior(i)
-    for i in range(RATIOS):
-        state.sticks[i], state.slides[i] = prior(i) / total, 0.0
+    state.sticks[:], state.slides[:] = PRIOR / PRIORS, 0.0
     state.measured = state.commanded = state.drawn = state.carried = state.last = state.needed = load
     put_spatial(state.load, Spatial(Vec(load, 0.0, 0.0), ZERO))
     state.noise, state.square, state.product, state.count = BELIEF_TUNING.first_noise * F, 0.0, 0.0, 0
@@ -134,7 +121,7 @@ def sliding(state: Belief) -> float:
 
 @part
 def model_load(state: Belief, load: Spatial, d: float, F: float, dt: float) -> tuple[float, float]:
-    """Take in the loads of a cycle; return p without the newest changes, and how far d is from its mean [N].
+    """Update with the loads of a cycle; return p without the newest changes, and the deviation of d from its mean [N].
 
     Args:
         state: changed.
@@ -170,7 +157,7 @@ def model_load(state: Belief, load: Spatial, d: float, F: float, dt: float) -> t
 
 @part
 def see_load(state: Belief, load: Spatial, d: float, F: float, dt: float) -> None:
-    """Take in the loads of a cycle; arguments as in `model_load`.
+    """Update with the loads of a cycle; arguments as in `model_load`.
 
     Implements: ours: the forward step of the hidden Markov model, then the likelihoods of l to the power dt / wrench_s.
     """
@@ -186,7 +173,7 @@ def see_load(state: Belief, load: Spatial, d: float, F: float, dt: float) -> Non
     lacks = max(p - carried, 0.0)  # a load beyond what the motion needs is carried all the same
     fits = -0.5 * lacks * lacks / variance
     for i in range(RATIOS):
-        F_i = ratio(i) * F
+        F_i = RATIO[i] * F
         x = t.transition * F_i + noise
         on = min(dt / t.onset_s * below((max(carried, p) - F_i) / x - 1.0) + t.onset_rate * dt, 1.0)
         off = min(dt / t.ends_s * below((k * F_i - p) / x + 1.0), 1.0)
@@ -202,11 +189,10 @@ def see_load(state: Belief, load: Spatial, d: float, F: float, dt: float) -> Non
 
 @part
 def change_friction(state: Belief, dt: float) -> None:
-    """Let friction change: it diffuses, or is another one suddenly; and normalise."""
-    t, total, priors = BELIEF_TUNING, 0.0, 0.0
+    """Let friction diffuse and occasionally jump to any value; normalise."""
+    t, total = BELIEF_TUNING, 0.0
     for i in range(RATIOS):
         total += state.sticks[i] + state.slides[i]
-        priors += prior(i)
     moves = 0.5 * dt * (t.diffusion / t.step) ** 2  # to each neighbour
     renewed = t.change_rate * dt
     sticks_before, slides_before = state.sticks[0], state.slides[0]
@@ -215,13 +201,13 @@ def change_friction(state: Belief, dt: float) -> None:
         a_new = a + moves * (sticks_before + state.sticks[after] - 2.0 * a)
         b_new = b + moves * (slides_before + state.slides[after] - 2.0 * b)
         sticks_before, slides_before = a, b
-        state.sticks[i] = (1.0 - renewed) * a_new / total + renewed * prior(i) / priors
+        state.sticks[i] = (1.0 - renewed) * a_new / total + renewed * PRIOR[i] / PRIORS
         state.slides[i] = (1.0 - renewed) * b_new / total
 
 
 @part
 def keep_past(state: Belief, stamp_ns: int) -> None:
-    """Keep how likely each hypothesis slides now, where the last time that is kept is old enough."""
+    """Store the slide probability of each hypothesis if the last stored time is old enough."""
     newest = (state.count - 1) % PAST
     if state.count > 0 and stamp_ns - state.stamps[newest] < 1e9 * BELIEF_TUNING.past_s:
         return
@@ -241,7 +227,7 @@ def conditional(state: Belief, i: int) -> float:
 
 @part
 def see_slip(state: Belief, stamp_ns: int, speed: float, band: float) -> None:
-    """Take in a slip sample, at its own stamp: what it changes there is carried to now.
+    """Update with a slip sample at its own stamp; its effect is propagated to the present.
 
     Args:
         state: changed.
@@ -274,11 +260,12 @@ def see_slip(state: Belief, stamp_ns: int, speed: float, band: float) -> None:
 
 @part
 def certain_share(state: Belief, risk: float) -> float:
-    """Return which share of the configured limit friction carries but for a risk: a quantile of both modes."""
+    """Return the fraction of the configured limit that friction carries except with a probability: a quantile of both
+    modes."""
     lag, total = BELIEF_TUNING.slides_cells, 0.0
     for j in range(-lag, RATIOS):
         mass = (state.sticks[j] if j >= 0 else 0.0) + (state.slides[j + lag] if j + lag < RATIOS else 0.0)
         if total + mass >= risk:
             return BELIEF_TUNING.least_ratio * math.exp((j - 0.5 + (risk - total) / mass) * BELIEF_TUNING.step)
         total += mass
-    return ratio(RATIOS - 1)
+    return float(RATIO[RATIOS - 1])

@@ -1,4 +1,5 @@
-"""The contact estimate of a cycle: is it slipping, how fast, what can friction carry, and may the sensors be believed.
+"""The contact estimate of a cycle: whether and how fast it slips, what friction can carry, and the health of the
+sensors.
 
 One record with one reader for each part: the law reads v_s; governor, guard and grip read F_lo and F_median; safety
 reads slipping, age and health. Nothing else decides whether the object slips.
@@ -8,9 +9,9 @@ from __future__ import annotations
 
 from enum import IntEnum, unique
 
-from slip_core.records import Real, Record, Vec6, Whole, dtype_of
+from slip_core.records import Real, Record, Vec6, Whole
 
-_AXES = "Let the driver give the velocity of the pad relative to the object on the axes of `ee_frame`."
+_AXES = "Let the driver report the velocity of the pad relative to the object on the axes of `ee_frame`."
 _ONCE = "Let the driver publish each measurement once, with its own stamp."
 _UNITS = "Let the driver publish m/s and rad/s; else calibrate it."
 _STAMPS = "Stamp measurements when they are made; synchronise clocks (chrony, ptp); or set `slip_delay_s`."
@@ -19,9 +20,9 @@ _AGAINST = "reads against the friction force: "
 
 @unique
 class SensorHealth(IntEnum):
-    """Whether a sensor may be believed; of the slip sensor also the mistake that its readings show.
+    """Health of a sensor; for the slip sensor also the mistake that its readings show.
 
-    Number, words, which name value and limit of what was found, and what to do.
+    Number, text with value and limit of what was found, and the fix.
     """
 
     _value_: int
@@ -36,7 +37,7 @@ class SensorHealth(IntEnum):
 
     OK = 0
     SILENT = 1, "is silent"
-    READS_NOTHING = 2, "reads nothing"
+    READS_NOTHING = 2, "reads zero"
     X_INVERTED = 3, f"{_AGAINST}x is inverted", _AXES
     Y_INVERTED = 4, f"{_AGAINST}y is inverted", _AXES
     Z_INVERTED = 5, f"{_AGAINST}z is inverted", _AXES
@@ -53,7 +54,7 @@ class SensorHealth(IntEnum):
 
 
 class ContactEstimate(Record):
-    """What is known of a contact in a cycle; loads at the nominal grip."""
+    """Estimate of a contact in a cycle; loads at the nominal grip."""
 
     v_s: Vec6  # m/s, rad/s {ee}; slip velocity that the law answers
     variance: Vec6  # of the estimated one; zeros without an observer
@@ -69,6 +70,3 @@ class ContactEstimate(Record):
     slip_health: Whole  # SensorHealth
     needs: Real  # N; where the slip sensor reads nothing: load that the motion needs
     lacks: Real  # N; and the one that the wrench shows
-
-
-CONTACT_ESTIMATE = dtype_of(ContactEstimate)

@@ -1,7 +1,7 @@
-"""What friction the contact has: configured, learnt from where it slipped, or probed.
+"""Friction of the contact: configured, learnt from slips, or probed.
 
-Nothing but loads is used, no friction law. A slip sample comes late and tells of its own stamp, so a short history of
-loads is kept, and the load at that stamp counts.
+Only loads are used, no friction law. A slip sample arrives late, so a short history of loads is kept, and the load at
+the sample's stamp counts.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from enum import IntEnum, unique
 from typing import Annotated, Final
 
 from slip_core.compiled import part
-from slip_core.records import Real, Record, Records, Vec6, Whole, dtype_of
+from slip_core.records import Real, Record, Records, Vec6, Whole
 from slip_core.vectors import Spatial, put_spatial, spatial
 from slip_vic_controller.contact.estimate import ContactEstimate
 from slip_vic_controller.sizes import NEVER
@@ -19,16 +19,22 @@ from slip_vic_controller.sizes import NEVER
 LOADS: Final = 256
 """Control cycles that the history goes back."""
 LEAST_FRICTION: Final = 0.35
-"""Share of what is known of friction below which a load that is missing counts less: 0.6 of what is configured, that
-falls to 0.7 while it is carried, and slides with less."""
+"""Share of the known friction below which missing load counts less: 0.6 of what is configured, that falls to 0.7 while
+it is carried, and slides with less."""
 PLAUSIBLE: Final = 0.5
-"""Share of what is known of friction below which a slip is doubted: the model's error, or pads that give way."""
+"""Share of the known friction below which a slip is doubted: it may be a model error, or shear of the pads."""
 GIVES_M: Final = 1e-3
-"""Most that soft pads give way [m]: how far a slip must go at a load far below what they have carried."""
+"""Largest shear of soft pads [m]: a slip at a load far below what they have carried counts only beyond it."""
 OBSERVED: Final = 0.5
 """Share of the threshold that a slip sample must show where the observer has found slip: two pieces of evidence."""
+KEPT: Final = 0.95
+"""Share of the load at which it slipped that it carries."""
+TRUST: Final = 0.5
+"""Smallest model load relative to the measured one; below it the model is not used."""
+QUIET_NS: Final = 50_000_000
+"""Time without slip after which the contact counts as sticking."""
 FASTEST_GROWTH: Final = 30.0
-"""Most that a slip gains speed: a few times gravity [m/s^2]."""
+"""Largest acceleration of slip: a few times gravity [m/s^2]."""
 
 
 @unique
@@ -53,22 +59,19 @@ class FrictionConfig(Record):
 
     friction: Whole  # Friction
     configured: Real  # N, mu N as configured, or the most that is ever probed
-    kept: Real  # share of the load at which it slipped
     least: Real  # N, floor of F^
     probe: Real  # N, eps: load beyond the certified one
     pre_sliding: Real  # m, way that pads give before they slip
     threshold: Real  # m/s, slip speed |S v_s| that counts
     quantum: Real  # m/s, step of the readings; inf of a flag
-    witnesses: Whole  # samples in a row that must show it
+    slip_count: Whole  # samples in a row that must show it
     confirmed: Whole  # the same where the observer finds slip too
-    quiet_ns: Whole  # without slip for so long, it holds again
     sensor_delay_ns: Whole  # age at which a cycle's load is known to have been carried
-    trust: Real  # least that the model's load may be of the measured one; below it the model is not used
     noise_ns: Whole  # loads so long before and after a stamp are averaged
 
 
 class FrictionEvidence(Record):
-    """What friction is learnt from: loads of the last cycles, and what the slip samples have said."""
+    """Evidence of friction: loads of the last cycles, and the slip samples."""
 
     count: Whole  # cycles that have been remembered
     loads: Annotated[Records[Load], LOADS]
@@ -81,17 +84,14 @@ class FrictionEvidence(Record):
     suspected_at: Real  # N, load at which the observer began to find a slip; 0 = it finds none, inf = it is known
 
 
-FRICTION_CONFIG, FRICTION_EVIDENCE = dtype_of(FrictionConfig), dtype_of(FrictionEvidence)
-
-
 @part
 def start_friction(
     config: FrictionConfig, contact: ContactEstimate, state: FrictionEvidence, at_rest: float, rests_with: float
 ) -> None:
-    """Begin with the friction that is configured, or with what the object at rest disproves that with.
+    """Start with the configured friction, or with more if the object at rest proves more.
 
-    What rests is carried: an object that was weighed and loads the grasp by more than friction as configured is held by
-    more. Its load counts as that of a slip would: 1/0.95 of it is carried.
+    An object at rest is carried: if its weight, found by a tare, exceeds the configured friction, friction is larger.
+    Its load counts like that of a slip: 1/0.95 of it is carried.
 
     Args:
         config, contact, state: how friction is estimated, and what is written.
@@ -99,7 +99,7 @@ def start_friction(
         rests_with: load at rest that a tare has found [N]; 0 where it is the configuration's.
     """
     disproved = config.friction == Friction.LEARNT and rests_with > config.configured
-    contact.first = rests_with / config.kept if disproved else config.configured
+    contact.first = rests_with / KEPT if disproved else config.configured
     contact.F_median, contact.slipped_at = contact.first, 0.0
     contact.carried = state.most_carried = min(at_rest + config.probe, contact.first)
     contact.slipping, contact.slip_ns = 0, NEVER
@@ -110,7 +110,7 @@ def start_friction(
 
 @part
 def put_certain(config: FrictionConfig, contact: ContactEstimate) -> None:
-    """Write what is certain to be carried: of unknown friction no more than has been."""
+    """Write the load that is certainly carried: with unknown friction no more than has been."""
     unknown = config.friction == Friction.UNKNOWN
     contact.F_lo = min(contact.carried, contact.F_median) if unknown else contact.F_median
 
@@ -134,7 +134,7 @@ def index_at(state: FrictionEvidence, stamp_ns: int) -> int:
 
 @part
 def certify(config: FrictionConfig, contact: ContactEstimate, state: FrictionEvidence, now_ns: int) -> None:
-    """Let the load of a cycle count as carried, once the slip sensor would have shown otherwise."""
+    """Count the load of a cycle as carried once the slip sensor would have shown a slip."""
     i = index_at(state, now_ns - config.sensor_delay_ns)
     if contact.slipping == 0 and state.loads[i].stamp_ns <= now_ns - config.sensor_delay_ns:
         load = state.loads[i]
@@ -146,7 +146,7 @@ def certify(config: FrictionConfig, contact: ContactEstimate, state: FrictionEvi
 def slipping_load(config: FrictionConfig, state: FrictionEvidence, i: int) -> float:
     """Return the load [N] that counts where the contact slipped at the stamp of place i.
 
-    The measured one is a mean: noise of a single wrench, of which the least counts, was learnt with every slip.
+    The measured one is a mean: with single wrenches, the minimum would learn their noise at every slip.
     """
     load, total, count = state.loads[i], 0.0, 0
     for k in range(min(state.count, LOADS)):
@@ -154,16 +154,16 @@ def slipping_load(config: FrictionConfig, state: FrictionEvidence, i: int) -> fl
         if abs(other.stamp_ns - load.stamp_ns) <= config.noise_ns:
             total, count = total + other.measured, count + 1
     measured = total / count
-    return float(max(min(measured, load.commanded), config.trust * measured))
+    return float(max(min(measured, load.commanded), TRUST * measured))
 
 
 @part
-def gives_way(
+def may_be_shear(
     config: FrictionConfig, contact: ContactEstimate, state: FrictionEvidence, stamp_ns: int, step: Spatial
 ) -> bool:
-    """Return whether a slip may be pads that give way before they slip: to and fro, not far from where it began.
+    """Return whether a slip may be shear of the pads: back and forth, not far from where it began.
 
-    Soft pads give way the faster the load changes, whatever it is, and friction does not end far below what it has
+    Soft pads shear with the rate of the load, whatever its size, and friction does not end far below what it has
     carried: half of it, or a quarter of what it had carried before slips showed less. step: since the last sample [m].
     """
     way = spatial(state.way) + step
@@ -184,15 +184,14 @@ def slip_sample(
     slip: Spatial,
     found: bool,
 ) -> None:
-    """Take a slip sample: whether it slips, and friction where a slip begins.
+    """Update with a slip sample: whether the contact slips, and friction at the start of a slip.
 
-    A single sample may be an outlier: it takes several in a row, or fewer that the observer confirms. One that is
-    faster than a slip can have become since the sample before is an outlier, and is left out; a perfect sensor has
-    none, and what lasts is none. Only the first sample of a slip tells where friction ended: what loads there are while
-    it slides is the sliding friction and the law's doing.
+    A single sample may be an outlier: a slip needs several in a row, or fewer if the observer confirms. A sample faster
+    than slip can have become since the last one is an outlier and is ignored, unless it lasts or the sensor is perfect.
+    Only the first sample of a slip shows where friction ended: later loads are sliding friction and the law's response.
 
     Args:
-        config, contact, state: how friction is estimated; what is known of it, changed.
+        config, contact, state: how friction is estimated; its estimate, changed.
         stamp_ns: when the sample was measured.
         slip: S v_s, turning at the torsional radius [m/s]; of a flag: infinite or 0.
         found: whether the observer finds slip.
@@ -202,22 +201,22 @@ def slip_sample(
     speed, slips = math.sqrt(slip.dot(slip)), contact.slipping != 0
     if not speed > (OBSERVED if found else 1.0) * config.threshold:
         state.said, state.way[:], state.last_ns = 0, 0.0, stamp_ns
-        if slips and stamp_ns - contact.slip_ns >= config.quiet_ns:
+        if slips and stamp_ns - contact.slip_ns >= QUIET_NS:
             contact.slipping = 0
         return
     known = NEVER < state.last_ns <= stamp_ns
     passed_s = 1e-9 * (stamp_ns - state.last_ns) if known else 0.0
-    too_fast = known and config.witnesses > 1 and speed > config.threshold + FASTEST_GROWTH * passed_s
+    too_fast = known and config.slip_count > 1 and speed > config.threshold + FASTEST_GROWTH * passed_s
     if too_fast and (slips or state.said == 0):
         return
-    stays = not slips and gives_way(config, contact, state, stamp_ns, passed_s * slip)
+    stays = not slips and may_be_shear(config, contact, state, stamp_ns, passed_s * slip)
     state.last_ns = stamp_ns
     if stays:
         return
     if state.said == 0:
         state.said_ns = stamp_ns
     state.said += 1
-    if not slips and state.said < (config.confirmed if found else config.witnesses):
+    if not slips and state.said < (config.confirmed if found else config.slip_count):
         return
     contact.slipping, contact.slip_ns = 1, max(stamp_ns, contact.slip_ns)
     if not slips:
@@ -226,9 +225,9 @@ def slip_sample(
 
 @part
 def suspect(config: FrictionConfig, contact: ContactEstimate, state: FrictionEvidence, found: bool) -> None:
-    """Let the load at which the observer finds a slip bound what is certain, until a slip sample confirms or denies it.
+    """Bound the certain load by that at which the observer finds a slip, until a slip sample confirms or denies it.
 
-    Samples come late. Nothing is learnt from the observer alone: with its finding the bound ends.
+    Samples arrive late. Nothing is learnt from the observer alone: the bound ends when it no longer finds slip.
     """
     if not found:
         state.suspected_at = 0.0
@@ -238,16 +237,16 @@ def suspect(config: FrictionConfig, contact: ContactEstimate, state: FrictionEvi
         load = slipping_load(config, state, (state.count - 1) % LOADS)
         state.suspected_at = load if load > LEAST_FRICTION * contact.F_median else math.inf
     if state.suspected_at > 0.0:
-        contact.F_lo = min(contact.F_lo, config.kept * state.suspected_at)
+        contact.F_lo = min(contact.F_lo, KEPT * state.suspected_at)
 
 
 @part
 def learn_carried(config: FrictionConfig, contact: ContactEstimate, state: FrictionEvidence, carried: float) -> None:
-    """Take the load [N at the nominal grip] that a slip left of what was asked.
+    """Learn from the load [N at the nominal grip] that remained during a slip.
 
-    It is what friction carries while it slides, no more than before: so nothing here depends on the slip sensor.
+    It is what friction carries while sliding, and never raises the estimate; no slip sensor is needed.
     """
-    learnt = max(config.kept * carried, config.least)
+    learnt = max(KEPT * carried, config.least)
     if config.friction != Friction.KNOWN and learnt < contact.F_median:
         contact.F_median, contact.slipped_at = learnt, carried
         contact.carried = min(contact.carried, learnt)
@@ -259,7 +258,7 @@ def learn_carried(config: FrictionConfig, contact: ContactEstimate, state: Frict
 
 @part
 def take_weaker(out: ContactEstimate, pad: ContactEstimate) -> None:
-    """Let the estimate of all pads count with another pad where that one is weaker."""
+    """Lower the common estimate of all pads to that of another pad if that one is weaker."""
     if pad.F_median < out.F_median:
         out.F_median, out.slipped_at = pad.F_median, pad.slipped_at
     out.F_lo = min(out.F_lo, pad.F_lo)
@@ -269,11 +268,11 @@ def take_weaker(out: ContactEstimate, pad: ContactEstimate) -> None:
 
 @part
 def share_friction(config: FrictionConfig, pad: ContactEstimate, weakest: ContactEstimate, now_ns: int) -> None:
-    """Let a pad, or the weakest itself, know what all pads together have: friction, and whether any slips.
+    """Write the common estimate to a pad: friction, and whether any pad slips.
 
-    A slip of several pads is over when no sample of any has shown one for so long.
+    A slip of several pads ends when no sample of any pad has shown slip for that time.
     """
     pad.F_lo, pad.F_median, pad.slipped_at = weakest.F_lo, weakest.F_median, weakest.slipped_at
     pad.slip_ns = weakest.slip_ns
-    lasts_ns = config.quiet_ns + config.sensor_delay_ns
+    lasts_ns = QUIET_NS + config.sensor_delay_ns
     pad.slipping = 1 if weakest.slipping != 0 and now_ns - weakest.slip_ns < lasts_ns else 0

@@ -1,40 +1,128 @@
 """The slip observer: the model predicts slip at control rate, sensor samples correct it at their own time stamps.
 
-Two hypotheses share one filter per axis. In stick the slip velocity is zero at every tick, which teaches the filters
+Two hypotheses share one filter per axis. In stick the slip velocity is zero at every tick, from which the filters learn
 the model's errors (wrench bias, wrong mass). In slip the velocity is free,
 
-    v_s[k+1] = v_s[k] + dv_ee - T (G^T a_o + Phi1' v_s + Phi2), with the model's errors b + c f taken out,
+    v_s[k+1] = v_s[k] + dv_ee - T (G^T a_o + Phi1' v_s + Phi2), with the model's errors b + c f removed,
 
-and a sample of stamp t_m corrects the estimate as it was at t_m; the ticks since then are run again. A test of the
-normalised innovation squared, on what the model says and on the samples, decides between the two, so that noise does
-not activate the compensation.
+and a sample of stamp t_m corrects the estimate at t_m; the ticks since then are recomputed. A test of the normalised
+innovation squared, of the model and of the samples, decides between the two, so that noise does not activate the
+compensation.
 
-What the model says of the last ticks counts only once they have passed as stick. Were it taken in at once, the
-beginning of a slip would be learnt as an error of the model.
+The filters learn from a tick only once it has passed as stick. Otherwise the beginning of a slip would be learnt as a
+model error.
 
-On pad axes throughout; only the axes in which the contact can slip are filtered.
+On pad axes {ee} throughout; only the axes in which the contact can slip are filtered. Arrays over axes have six
+entries, linear x, y, z, then angular; those of axes that are not filtered are zero. Stamps are whole nanoseconds.
 """
 
 from __future__ import annotations
 
 import math
+from typing import Annotated
 
 from slip_core.arrays import Array
 from slip_core.cholesky import LARGEST
 from slip_core.compiled import part
-from slip_core.records import Records, records
+from slip_core.records import Mat3, Real, Record, Records, Vec3, Vec6, Whole, dtype_of, records
 from slip_core.vectors import NOTHING, ZERO, Spatial, Vec, mat, put, put_spatial, spatial, vec
-from slip_vic_controller.contact.axis import (
-    Axis,
-    correct,
-    correct_within,
-    excess,
-    forget_errors,
-    predict,
-    put_velocity,
-)
-from slip_vic_controller.contact.layouts import ROW, WITNESSES, Motion, Observer, ObserverConfig, Row
+from slip_vic_controller.contact.axis import Axis, correct, correct_within, excess, forget_errors, predict, put_velocity
 from slip_vic_controller.law.contact import StampedSlip
+
+CONTRADICTIONS = 3
+"""Consecutive samples required from a real sensor: two outliers in a row occur every minute."""
+
+
+class ObserverConfig(Record):
+    """Tuning; speeds and accelerations in m/s, m/s^2 on linear and rad/s, rad/s^2 on angular axes."""
+
+    axes: Vec6  # 1 where the axis is filtered
+    measurement_variance: Vec6  # R of a slip sample
+    information: Vec6  # 1 / R on the axes that are filtered, 0 on the others
+    process_variance: Vec6  # Q of v per tick, from wrench noise and model
+    drift_variance: Vec6  # Q of b per tick
+    prior_P_bb: Vec6  # noqa: N815 - what is known of the model's errors at the beginning
+    prior_P_cc: Vec6  # noqa: N815
+    onset_gain: Vec6  # 1, 1/m; standard deviation that b gains when slip begins, per acceleration of the object
+    floor_variance: Vec6  # of a slip velocity that means nothing
+    stick_P_bb: Vec6  # noqa: N815 - variances above which nothing is taken for stick
+    stick_P_vv: Vec6  # noqa: N815
+    dead_band: Vec6  # speed below which the sensor reads zero
+    nis_slip: Real  # normalised innovation squared above which slip begins
+    nis_stick: Real  # and below which it is over
+    smoothing: Real  # weight of a new sample in the mean that is tested in stick
+    mean_share: Real  # variance of that mean over R
+    most_step: Real  # how far one sample may move that mean, over what is significant
+    outlier_deviations: Real  # beyond which a sample pulls no harder
+    friction_spread: Real  # rad; how far friction may point away from the slip, 0 = its direction is not used
+    friction_memory_ticks: Real  # over which that error stays the same
+    dwell_ticks: Whole  # below nis_stick until slip is over
+    window_ticks: Whole  # over which slip must show in the model
+    memory_ns: Whole  # how late a sample may be
+
+
+OBSERVER_CONFIG = dtype_of(ObserverConfig)
+
+
+class Motion(Record):
+    """Input of the observer in a tick; {w}."""
+
+    rotation: Mat3  # R_ee
+    v_ee: Vec6  # m/s, rad/s; twist of the pad
+    follow: Vec6  # m/s^2, rad/s^2; G^T a_o + Phi2: acceleration of the object's material point under the pad
+    force: Vec6  # m/s^2, rad/s^2; the part of it that the wrench gives, without gravity
+    drag: Vec3  # m/s^2; acceleration that the pad gives to the centre of mass
+    w_o: Vec3  # rad/s; turning of the object
+    velocity_variance: Vec6  # {ee}; of v_ee, zeros without an estimate of the joint state
+    change_variance: Vec6  # {ee}; of the noise in the change of v_ee since the tick before
+
+
+MOTION = dtype_of(Motion)
+
+
+class Observer(Record):
+    """State between ticks; the outputs for the law are on {ee}."""
+
+    stamp_ns: Whole  # of the last tick
+    sliding: Whole  # 0 stick, 1 slip
+    since_ns: Whole  # when stick began
+    quiet: Whole  # ticks in a row without significant slip
+    first: Whole  # where the history begins in its ring
+    rows: Whole  # and its length
+    twist: Vec6  # m/s, rad/s {ee}; slip velocity, zero in stick
+    error: Vec6  # m/s^2, rad/s^2 {ee}; b + c f of `follow`
+    variance: Vec6  # of the slip velocity
+    significance: Real  # normalised innovation squared
+    v_ee: Vec6  # m/s, rad/s {w}; twist of the pad at the last tick
+    sample_mean: Vec6  # of the samples that were measured in stick, weighted
+    axes: Annotated[Records[Axis], 6]  # the filters
+
+
+OBSERVER = dtype_of(Observer)
+
+
+class Row(Record):
+    """A row of the history: a tick, and the samples that count at it."""
+
+    stamp_ns: Whole
+    samples: Whole  # how many
+    reads: Vec6  # their sum
+    contradicts: Whole  # whether their mean contradicts the estimate before it
+    dt: Real  # s; since the tick before
+    turn_linear: Vec3  # rad/s; w_ee + 2 w_o
+    turn_angular: Vec3  # rad/s; w_ee + w_o
+    drag: Vec3  # m/s^2
+    step: Vec6  # change of the slip velocity as the uncorrected model has it
+    force: Vec6  # specific force
+    velocity_variance: Vec6  # of the pad's velocity
+    change_variance: Vec6  # of the noise in `step`
+    axes: Annotated[Records[Axis], 6]  # in slip: the estimate with this row taken in
+
+
+ROW = dtype_of(Row)
+
+ROW_SIZE = ROW.itemsize // 8
+"""Numbers of a row."""
 
 # -- history: ticks in a ring, oldest first, each with the samples that count at it -------------------
 
@@ -61,7 +149,7 @@ def drop_oldest(state: Observer, rows: Records[Row]) -> None:
 
 @part
 def append(state: Observer, history: Array, rows: Records[Row]) -> Row:
-    """Return a new last row of zeros; where there is no room the oldest one goes."""
+    """Return a new last row of zeros; if there is no room, the oldest one is dropped."""
     if state.rows == len(rows):
         drop_oldest(state, rows)
     state.rows += 1
@@ -73,16 +161,15 @@ def append(state: Observer, history: Array, rows: Records[Row]) -> Row:
 def place_samples(
     config: ObserverConfig, state: Observer, rows: Records[Row], samples: Records[StampedSlip], count: int
 ) -> int:
-    """Add samples to the ticks at which they count; return the first row that is new or has changed.
+    """Add samples to the ticks at which they apply; return the first row that is new or has changed.
 
-    A sample counts at the first tick not before its stamp, else at the last one. One that is not younger than the
+    A sample applies at the first tick not before its stamp, else at the last one. One that is not younger than the
     oldest row is too late.
     """
     first = state.rows - 1
     for k in range(count):
         sample, i = samples[k], state.rows - 1
         if sample.stamp_ns <= row_at(state, rows, 0).stamp_ns:
-            state.late += 1
             continue
         while row_at(state, rows, i - 1).stamp_ns >= sample.stamp_ns:
             i -= 1
@@ -112,7 +199,7 @@ def slip_velocity(axes: Records[Axis]) -> Spatial:
 def predict_tick(config: ObserverConfig, ahead: Records[Axis], row: Row) -> None:
     """Predict the estimate `ahead` of a tick over it.
 
-    step - dt (w_ee x + Phi1') v_s: turning axes and Coriolis take from the slip velocity what they turn it by.
+    step - dt (w_ee x + Phi1') v_s: rotating axes and Coriolis terms rotate the slip velocity.
     """
     v = slip_velocity(ahead)
     turning = Spatial(vec(row.turn_linear).cross(v.linear), vec(row.turn_angular).cross(v.angular))
@@ -126,10 +213,11 @@ def predict_tick(config: ObserverConfig, ahead: Records[Axis], row: Row) -> None
 
 @part
 def friction_direction_update(config: ObserverConfig, row: Row) -> None:
-    """Take in that friction opposes slip: the pad slides over the object in the direction d in which it drags it.
+    """Correct with the direction of friction, which opposes slip: the pad slides over the object in the direction d of
+    its drag.
 
     v is corrected towards (v.d)+ d / d^2 with d = drag + b + c f, where the axis is not along d. The friction
-    coefficient does not matter. The correction is weak, because pads are not alike in all directions.
+    coefficient does not matter. The correction is weak, because pads are anisotropic.
     """
     x, y, z = row.axes[0], row.axes[1], row.axes[2]
     v, b = Vec(x.v, y.v, z.v), Vec(x.b, y.b, z.b)
@@ -150,7 +238,7 @@ def friction_direction_update(config: ObserverConfig, row: Row) -> None:
 
 @part
 def read_part(config: ObserverConfig, row: Row, i: int) -> tuple[float, float, float]:
-    """Return what the samples of a row read on an axis, its variance, and the dead band, 0 where they read a number."""
+    """Return reading and variance of a row's samples on an axis, and the dead band, 0 unless they read zero."""
     first = 0 if i < 3 else 3
     size = abs(row.reads[first]) + abs(row.reads[first + 1]) + abs(row.reads[first + 2])
     band = config.dead_band[i] if size == 0.0 else 0.0
@@ -159,7 +247,7 @@ def read_part(config: ObserverConfig, row: Row, i: int) -> tuple[float, float, f
 
 @part
 def correct_samples(config: ObserverConfig, row: Row) -> None:
-    """Correct with the samples of a row; a part that reads zero is only known to lie within the dead band."""
+    """Correct with the samples of a row; a component that reads zero lies anywhere within the dead band."""
     row.contradicts, limit = 0, config.outlier_deviations
     for i in range(6):
         if config.axes[i]:
@@ -176,7 +264,7 @@ def correct_samples(config: ObserverConfig, row: Row) -> None:
 
 @part
 def rerun(config: ObserverConfig, state: Observer, rows: Records[Row], ahead: Records[Axis], first: int) -> None:
-    """Run the rows from number `first` on, again or for the first time; `ahead`: the filters before it."""
+    """Compute the rows from number `first` on, again or for the first time; `ahead`: the filters before it."""
     for i in range(first, state.rows):
         row = row_at(state, rows, i)
         predict_tick(config, ahead, row)
@@ -190,7 +278,7 @@ def rerun(config: ObserverConfig, state: Observer, rows: Records[Row], ahead: Re
 
 @part
 def slip_significance(config: ObserverConfig, state: Observer) -> float:
-    """Return v^T P^-1 v of the estimate against v = 0, chi-squared where there is no slip; [1]."""
+    """Return v^T P^-1 v of the estimate against v = 0, chi-squared distributed without slip; [1]."""
     total = 0.0
     for i in range(6):
         if config.axes[i]:
@@ -203,8 +291,8 @@ def slip_significance(config: ObserverConfig, state: Observer) -> float:
 def is_confirmed(config: ObserverConfig, state: Observer, row: Row) -> bool:
     """Return whether the estimate is certain enough for a slip velocity near zero to mean stick.
 
-    Control holds the estimate near zero, so only a confirmed model can show stick, and an insignificant speed is not a
-    small one while its variance is large.
+    Control keeps the estimate near zero, so only a confirmed model can show stick, and an insignificant speed may be
+    large while its variance is.
     """
     confirmed = True
     for i in range(6):
@@ -223,7 +311,7 @@ def is_confirmed(config: ObserverConfig, state: Observer, row: Row) -> bool:
 
 @part
 def begin_stick(config: ObserverConfig, state: Observer) -> None:
-    """End the slip: v = 0 exactly; what was learnt of the model's errors stays."""
+    """End the slip: v = 0 exactly; the learnt model errors stay."""
     state.sliding, state.quiet, state.since_ns = 0, 0, state.stamp_ns
     state.first, state.rows = 0, 0
     for i in range(6):
@@ -235,19 +323,19 @@ def begin_stick(config: ObserverConfig, state: Observer) -> None:
 
 @part
 def contradicted_since(state: Observer, rows: Records[Row]) -> int:
-    """Return the number of the first of the WITNESSES newest rows with samples, -1 where not all contradict.
+    """Return the number of the first of the CONTRADICTIONS newest rows with samples, -1 where not all contradict.
 
-    Where so many samples in a row contradict the estimate it is the model that is wrong, and they are no outliers.
+    If so many consecutive samples contradict the estimate, the model is wrong, and they are not outliers.
     """
     count, i = 0, state.rows
-    while i > 0 and count < WITNESSES:
+    while i > 0 and count < CONTRADICTIONS:
         i -= 1
         row = row_at(state, rows, i)
         if row.samples > 0:
             if row.contradicts == 0:
                 return -1
             count += 1
-    return i if count == WITNESSES else -1
+    return i if count == CONTRADICTIONS else -1
 
 
 @part
@@ -262,9 +350,9 @@ def samples_show_rest(config: ObserverConfig, state: Observer, rows: Records[Row
 
 @part
 def restart_from_samples(config: ObserverConfig, state: Observer, rows: Records[Row], first: int) -> None:
-    """Begin again at the samples of row `first`: the model's errors are as unknown as in the beginning.
+    """Restart from the samples of row `first`: the uncertainty of the model's errors is reset.
 
-    A filter that is sure of a wrong model takes every sample for an outlier, and so would never come back.
+    A filter that is certain of a wrong model treats every sample as an outlier, and would never recover.
     """
     for _ in range(first):
         drop_oldest(state, rows)
@@ -305,7 +393,7 @@ def observe_slip(
 
 @part
 def learn_model_errors(config: ObserverConfig, state: Observer, row: Row) -> None:
-    """Learn the model's errors from a tick that has passed as stick: the velocity that they predict was zero."""
+    """Learn the model's errors from a tick that has passed as stick, in which the predicted velocity was zero."""
     for i in range(6):
         if config.axes[i]:
             x, q_v = state.axes[i], config.process_variance[i] + row.change_variance[i]
@@ -315,9 +403,9 @@ def learn_model_errors(config: ObserverConfig, state: Observer, row: Row) -> Non
 
 @part
 def stick_significance(config: ObserverConfig, state: Observer, rows: Records[Row]) -> float:
-    """Return v^T S^-1 v of the velocity that the window adds up to from v = 0; chi-squared without slip; [1].
+    """Return v^T S^-1 v of the velocity accumulated over the window from v = 0; chi-squared without slip; [1].
 
-    S: the variance that the model's errors and the process noise of the window give it.
+    S: its variance from the model's errors and the process noise of the window.
     """
     first, last = row_at(state, rows, 0), row_at(state, rows, state.rows - 1)
     total = 0.0
@@ -338,7 +426,7 @@ def stick_significance(config: ObserverConfig, state: Observer, rows: Records[Ro
 def average_and_test_samples(
     config: ObserverConfig, state: Observer, samples: Records[StampedSlip], count: int
 ) -> bool:
-    """Take samples into the weighted mean, in their order; return whether it was significant after one of them.
+    """Update the weighted mean with samples in order; return whether it was significant after one of them.
 
     One sample moves the mean no further than `most_step`, so an outlier alone is not significant.
     """
@@ -359,9 +447,9 @@ def average_and_test_samples(
 
 @part
 def begin_slip_of_model(config: ObserverConfig, state: Observer, rows: Records[Row]) -> None:
-    """Run the window as slip, with the doubt that a slip begins with: what was learnt holds for the forces of stick.
+    """Recompute the window as slip, with increased uncertainty: the learnt errors apply to the forces of stick.
 
-    Forces and torques come in other proportions now, so a wrong centre of mass shows in another way.
+    The proportions of forces and torques change in slip, and with them the effect of a wrong centre of mass.
     """
     state.sliding = 1
     drag = vec(row_at(state, rows, state.rows - 1).drag).norm()
@@ -374,7 +462,8 @@ def begin_slip_of_model(config: ObserverConfig, state: Observer, rows: Records[R
 
 @part
 def begin_slip_of_samples(config: ObserverConfig, state: Observer, rows: Records[Row]) -> None:
-    """Start slip from the samples: the model has missed it, so its errors are unknown again. This tick's row stays."""
+    """Start slip from the samples: the model has missed it, so the uncertainty of its errors is reset. This tick's row
+    stays."""
     state.sliding = 1
     while state.rows > 1:
         drop_oldest(state, rows)
@@ -408,7 +497,7 @@ def observe_stick(
 
 @part
 def reset(config: ObserverConfig, state: Observer, stamp_ns: int, v_ee: Array) -> None:
-    """Begin without slip, the model's errors unknown.
+    """Start without slip, with unknown model errors.
 
     Args:
         config: tuning.
@@ -417,7 +506,7 @@ def reset(config: ObserverConfig, state: Observer, stamp_ns: int, v_ee: Array) -
         v_ee: twist of the pad at it; (6,) [m/s, rad/s] {w}.
     """
     state.stamp_ns, state.since_ns = stamp_ns, stamp_ns
-    state.sliding, state.quiet, state.late, state.first, state.rows = 0, 0, 0, 0, 0
+    state.sliding, state.quiet, state.first, state.rows = 0, 0, 0, 0
     state.significance = 0.0
     state.twist[:], state.error[:], state.variance[:], state.sample_mean[:] = 0.0, 0.0, 0.0, 0.0
     state.v_ee[:] = v_ee
@@ -433,7 +522,7 @@ def observe(
     config: ObserverConfig, state: Observer, history: Array, motion: Motion, stamp_ns: int,
     samples: Records[StampedSlip], count: int,
 ) -> bool:  # fmt: skip
-    """Take in one tick and the samples that came with it; return whether every number of the state is finite.
+    """Update with one tick and its samples; return whether every number of the state is finite.
 
     Args:
         config: tuning.
@@ -462,7 +551,7 @@ def observe(
 
 @part
 def describe_tick(config: ObserverConfig, state: Observer, motion: Motion, dt: float, row: Row) -> None:
-    """Write what a tick does to the slip velocity, whatever that is: dv_ee - dt (G^T a_o + Phi2), and Phi1'; {ee}."""
+    """Write the change of slip velocity in a tick, dv_ee - dt (G^T a_o + Phi2), and Phi1'; {ee}."""
     to_pad, axes, v_ee = mat(motion.rotation).T(), spatial(config.axes), spatial(motion.v_ee)
     w_ee, w_o = to_pad @ v_ee.angular, to_pad @ vec(motion.w_o)
     step = v_ee - spatial(state.v_ee) - dt * spatial(motion.follow)
@@ -476,9 +565,9 @@ def describe_tick(config: ObserverConfig, state: Observer, motion: Motion, dt: f
 
 @part
 def publish(state: Observer, force: Spatial) -> bool:
-    """Write what the law is given; return whether every number of the state is finite and its square is.
+    """Write the outputs for the law; return whether every number of the state and its square are finite.
 
-    That is the slip velocity, zero in stick, the error b + c f of `follow` at a specific force, and the variance.
+    They are the slip velocity, zero in stick, the error b + c f of `follow` at a specific force, and the variance.
     """
     size = state.significance
     for i in range(6):

@@ -1,13 +1,13 @@
-"""Health of the slip sensor: direction, rate, unit and stamps of its readings against what is known of the slip.
+"""Health of the slip sensor: direction, rate, unit and stamps of its readings, compared with the slip.
 
-The same code answers in the control cycle, in a bring-up and of a bag; `SensorHealth` has the words. What is known:
+The control cycle, a bring-up and `identify` use the same code; `SensorHealth` has the texts. The tests:
 
 - Friction opposes slip, so the pad slides over the object in the direction d in which it drags it, whatever the
-  coefficient. With M = sum v dt d^T over the way slipped, a mounting T explains tr(T M) of that way; the best counts.
-- Measured values differ: a value that comes again under new stamps was held.
-- Where the object is held fast, as in a bring-up, the readings are the motion of the pad itself. The lag at which its
-  speed explains most of theirs is that of the stamps, and the ratio of both is the unit. In a run the model's slip
-  velocity is no such measure: it is right to a third at best, and its lag follows the sensor's.
+  coefficient. With M = sum v dt d^T over the slip path, a mounting T explains tr(T M) of it; the best counts.
+- Measured values differ: a value repeated under new stamps was held.
+- If the object is fixed, as in a bring-up, the readings are the motion of the pad itself. The lag at which its speed
+  explains most of theirs is that of the stamps, and the ratio of both is the unit. The model's slip velocity in a run
+  is no such reference: it is accurate to a third at best, and its lag follows the sensor's.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ from slip_vic_controller.contact.friction_estimate import GIVES_M
 from slip_vic_controller.sizes import NEVER, ROOM
 
 DIFFERS: Final = 0.7
-"""Share of the way slipped by which another mounting must explain its direction better than the configured one: a
-mistake is a difference of 1 or 2, noise of a sample at six standard deviations one of 0.03."""
+"""Fraction of the slip path by which another mounting must explain its direction better than the configured one: a
+mistake makes a difference of 1 or 2, noise of a sample at six standard deviations one of 0.03."""
 PLAIN: Final = 1.1
-"""How much more a turn by any angle must explain than inverted or swapped axes: friction and slip lie along each other
-to some ten degrees only."""
+"""How much more a turn by any angle must explain than inverted or swapped axes: friction and slip are aligned only to
+some ten degrees."""
 LAGS_S: Final = 1e-3 * np.arange(-60, 61)
-"""Lags of the stamps that are tried [s]."""
+"""Tested lags of the stamps [s]."""
 
 
 class SlipEvidence(Record):
-    """What the readings of slip have shown; turning at the torsional radius."""
+    """Evidence from the slip readings; rotation at the torsional radius."""
 
     read_ns: Whole  # stamp of the newest reading, NEVER = none
     read: Vec6  # m/s {ee}; it
@@ -57,7 +57,7 @@ SLIP_EVIDENCE = dtype_of(SlipEvidence)
 
 @part
 def start_health(state: SlipEvidence) -> None:
-    """Begin: nothing was read."""
+    """Start without readings."""
     state.read_ns, state.found, state.value, state.limit = NEVER, SensorHealth.OK.value, 0.0, 0.0
     state.read[:], state.way[:], state.length, state.spun, state.turned = 0.0, 0.0, 0.0, 0.0, 0.0
     state.count, state.changes, state.span_s = 0, 0, 0.0
@@ -95,13 +95,13 @@ def add_reading(state: SlipEvidence, stamp_ns: int, v: Spatial, drags: Spatial, 
 
 @part
 def judge_health(state: SlipEvidence, differs: float, bias: float, quantum: float) -> None:
-    """Write what is found, the cause before what follows from it.
+    """Write the result, a cause before its consequences.
 
     Args:
         state: changed.
-        differs: see DIFFERS; as a share of the way, 1 - cos of an angle.
-        bias: that readings may have [m/s]: what it adds to the way, there and back, shows no mounting.
-        quantum: step of the readings [m/s]: where there is one, equal values were not held.
+        differs: see DIFFERS; as a share of the path, 1 - cos of an angle.
+        bias: largest one of the readings [m/s]: its contribution to the path, back and forth, is no evidence.
+        quantum: step of the readings [m/s]: with a step, equal values do not mean that they were held.
     """
     state.found, state.value, state.limit = mounting(state, differs, bias), 0.0, 0.0
     if quantum == 0.0 and state.count >= ROOM and 2 * state.changes < state.count:
@@ -114,7 +114,7 @@ def judge_health(state: SlipEvidence, differs: float, bias: float, quantum: floa
 
 @part
 def mounting(state: SlipEvidence, differs: float, bias: float) -> int:
-    """Return how the sensor is mounted where that is not as configured, else OK: the mounting that explains most."""
+    """Return the mounting that explains most if it is not the configured one, else OK."""
     M = mat(state.way)
     x, y, z = M.x.x, M.y.y, M.z.z
     better = (
@@ -141,7 +141,7 @@ def mounting(state: SlipEvidence, differs: float, bias: float) -> int:
 def against_motion(
     times: Array, motion: Array, stamps: Array, readings: Array, unit: float, lag_s: float
 ) -> tuple[SensorHealth, float]:
-    """Return what readings show against the motion of the pad on an object that is held fast, and by how much.
+    """Compare readings with the motion of the pad on a fixed object; return the mistake and its size.
 
     Args:
         times, motion: of the pad's twist; (k,) [s], (k, 6) {ee}, turning at the torsional radius [m/s].

@@ -1,40 +1,287 @@
-"""What an arm does in this cycle: faults of its inputs, where its law begins, what speaks against it, and the mode."""
+"""What an arm does in this cycle: faults of its inputs, the tare, what speaks against the law, and the mode.
+
+While slip is unknown, never as if there were none: the observer predicts it from the wrench alone for a bounded time;
+then the path comes to rest, and the law continues with the prediction, or without compensation; then HOLD.
+"""
 
 from __future__ import annotations
 
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.records import WholeArray
-from slip_core.vectors import IDENTITY, ZERO, mat, put, put_mat, vec
-from slip_core.vectors import NOTHING as NO_MOTION
-from slip_vic_controller.arm.joint_estimate import clear_findings
-from slip_vic_controller.arm.tare import is_unchecked
-from slip_vic_controller.cycle.contact import begin_pad
-from slip_vic_controller.cycle.holding import forget_pad, wait
-from slip_vic_controller.cycle.judging import judge
-from slip_vic_controller.cycle.sensing import gains_now
-from slip_vic_controller.cycle.taring import AtRest, tare
-from slip_vic_controller.cycle.wrench import arm_of_load, model_wrench
-from slip_vic_controller.governor.governor import start_governor
+from slip_core.vectors import ZERO, Spatial, Vec, mat, put_spatial, spatial, vec
+from slip_vic_controller.arm.estimator import clear_findings, unseen_ns
+from slip_vic_controller.arm.tare import (
+    OUTLIER,
+    add,
+    add_slip,
+    measure_at_rest,
+    moved_joint,
+    start_tare,
+    take_biases,
+)
+from slip_vic_controller.contact.estimate import SensorHealth
+from slip_vic_controller.contact.friction_estimate import LEAST_FRICTION
+from slip_vic_controller.contact.wrench_evidence import pull
+from slip_vic_controller.cycle.modes import begin_law, forget_pad, wait
+from slip_vic_controller.cycle.sensing import arm_of_load, model_wrench, tared_wrench
+from slip_vic_controller.governor.layouts import PATH_MARGIN
 from slip_vic_controller.governor.plan import Governing
-from slip_vic_controller.law.contact import pad_rotation
-from slip_vic_controller.path.goals import rest_at
-from slip_vic_controller.path.paths import Reference
-from slip_vic_controller.path.stream import rest_stream
+from slip_vic_controller.path.goals import GoalPhase
 from slip_vic_controller.safety.conditions import (
     NOTHING,
+    Health,
     Missing,
+    Mode,
     Reason,
+    Request,
     Why,
-    of_fault,
+    because,
+    first,
+    follows,
+    holds_for,
+    lasted,
+    next_mode,
     passed_ns,
     read_why,
+    see,
+    see_one_of,
 )
-from slip_vic_controller.safety.hold import carry_load
-from slip_vic_controller.safety.latency import forget_latency, measure_latency
-from slip_vic_controller.safety.modes import Mode, Request, follows, holds_for, next_mode
-from slip_vic_controller.safety.validation import usable, vector_validity
+from slip_vic_controller.safety.hold import carry_load, object_load
+from slip_vic_controller.safety.limits import TRIP_SHARE
+from slip_vic_controller.safety.validation import frozen, usable, vector_validity
 from slip_vic_controller.sizes import MAX_CONTACTS, NEVER
-from slip_vic_controller.state import ArmCycle, ArmState, ControllerConfig, CycleInputs
+from slip_vic_controller.state import ArmCycle, Arms, ArmState, ControllerConfig, CycleInputs, TaskState
+
+# -- the tare -----------------------------------------------------------------------------------------
+
+
+class AtRest(NamedTuple):
+    """What the wrenches of all arms show together at rest; of one, and after the tare of all, nothing.
+
+    arms: how many; known: whether all hold it and all are measured; beyond: force beyond the weight of the object, a
+    share of it for each arm [N] {w}. What is left of a single wrench may be internal: arms may press on each other.
+    """
+
+    arms: int
+    known: bool
+    beyond: Vec
+
+
+@part
+def all_at_rest(arms: Arms) -> AtRest:
+    """Return what the wrenches of all arms show together at rest."""
+    configs, states = arms.configs, arms.states
+    n, held, wanted, beyond = len(configs), configs[0].tare.duration_ns > 0, False, ZERO
+    for k in range(n):
+        held = held and states[k].mode.mode == Mode.HOLD and states[k].wrench_inputs[0].seen != 0
+        wanted = wanted or states[k].tare.done == 0
+    if n == 1 or not held or not wanted:
+        return AtRest(n, n == 1, ZERO)
+    for k in range(n):
+        R = mat(arms.inputs[k].arm.rotation)
+        beyond = beyond + (R @ tared_wrench(configs[k], states[k], R).linear - vec(configs[k].hold.weight))
+    return AtRest(n, True, (1.0 / n) * beyond)
+
+
+@part
+def tare(c: ArmCycle, together: AtRest) -> bool:
+    """Read the sensors at rest in HOLD, and subtract the biases from the samples of this cycle.
+
+    Returns whether the object's weight was found, and is another than before.
+    """
+    config, state, inputs = c.config, c.state, c.inputs
+    tare, queue, mass_share = state.tare, state.queue, state.tare.mass_share
+    if inputs.request == Request.TARE and not follows(state.mode.mode):
+        start_tare(tare, NEVER)
+        tare.watched = 0
+    n, last = config.law.joints, state.joint.last
+    if tare.done == 0 and state.mode.mode == Mode.HOLD:
+        stamp_ns, wrench = state.joint.answers.stamp_ns, state.wrench_inputs[0]
+        paused = inputs.now_ns - state.now_ns > config.joint.age_ns  # something else may have moved the arm
+        if tare.watched == 0 or paused:
+            tare.watched, tare.watched_from[:] = 1, state.joint.answers.position
+        six, (beyond, expected) = np.zeros(6), _wrench_at_rest(c, together)
+        over = measure_at_rest(config.tare, tare, stamp_ns, last.position[:n], last.velocity[:n])
+        for k in range(queue.count):
+            if queue.samples[k].stamp_ns >= tare.begun_ns:
+                add_slip(config.tare, tare, queue.samples[k].twist)
+        if wrench.stamp_ns > tare.wrench_ns and together.known:
+            tare.wrench_ns = wrench.stamp_ns
+            put_spatial(six, beyond)
+            add(tare.wrench, six, 6)
+        if over:
+            put_spatial(six, expected)
+            take_biases(config.tare, tare, six, stamp_ns, last.position[:n])
+    elif tare.done == 0:
+        tare.watched, tare.begun_ns = 0, NEVER
+    for k in range(queue.count):
+        for i in range(6):
+            queue.samples[k].twist[i] -= tare.slip.bias[i]
+    return bool(tare.mass_share != mass_share)
+
+
+@part
+def _wrench_at_rest(c: ArmCycle, together: AtRest) -> tuple[Spatial, Spatial]:
+    """Return the object's wrench on the pad beyond that of the model, and that of the model [N, N m] {ee}.
+
+    Of several arms a share of what they show together, in which torques are not compared.
+    """
+    config, state, R = c.config, c.state, mat(c.inputs.arm.rotation)
+    expected = object_load(config.hold, R, R @ arm_of_load(config, state))
+    if together.arms == 1:
+        return tared_wrench(config, state, R) - expected, expected
+    return Spatial(R.T() @ together.beyond, ZERO), Spatial(expected.linear, ZERO)
+
+
+# -- what speaks against the law: where each condition of the table is found to be so -----------------
+
+
+@part
+def judge(config: ControllerConfig, task: TaskState, state: ArmState, health: Health, now_ns: int) -> Why:
+    """Return what speaks against the law in this cycle.
+
+    Args:
+        config, task, state: of the controller, of all arms and of this one; the conditions in state are changed.
+        health: of the inputs.
+        now_ns: the controller's clock.
+    """
+    sample = state.joint.answers
+    find_faults(config, state, health, sample.position, sample.velocity, now_ns)
+    find_bad_inputs(config, state, health, now_ns)
+    find_reasons_to_wait(config, task, state, now_ns)
+    find_hindrances(config, task, state, now_ns)
+    return first(config.conditions, state.conditions, now_ns)
+
+
+@part
+def find_faults(config: ControllerConfig, state: ArmState, health: Health, q: Array, qd: Array, now_ns: int) -> None:
+    """Look for what must latch; q, qd: joint state (n,) [rad], [rad/s]."""
+    rows = state.conditions
+    _find_speeds(config, state, qd, now_ns)
+    see_one_of(rows, Reason.VELOCITY.value, Reason.IGNORED.value, read_why(state.estimate.found), now_ns)
+    moved = moved_joint(config.tare, state.tare, q)
+    j = max(moved, 0)
+    way = Why(Reason.MOVED_IN_TARE.value, 0, 0, j, q[j] - state.tare.watched_from[j], 0.0)
+    see(rows, way, moved >= 0, now_ns)
+    # Noise of the joints' velocities can grow to such a slip velocity at rest, between two samples of a camera.
+    v = state.pad.contact.variance
+    doubt = OUTLIER * math.sqrt(max(v[0], v[1], v[2])) if config.estimator.on != 0 else 0.0
+    falls = Why(Reason.FALLS.value, 0, 0, 0, state.observed.fall_speed, 0.0)
+    see(rows, falls, state.observed.fall_speed > config.drop.drop_speed + doubt, now_ns)
+    foreign = health.outside == Reason.FOREIGN_COMMAND
+    see(rows, because(Reason.EFFORT_COMMAND.value, health.outside), foreign, now_ns)
+
+
+@part
+def _find_speeds(config: ControllerConfig, state: ArmState, qd: Array, now_ns: int) -> None:
+    """Look for a joint or a pad that is too fast: one clock, since what runs away shows in one after another."""
+    limits, twist, which = config.command, spatial(state.observed.twist), -1
+    speed, most, turns = twist.linear.norm(), limits.speed_linear, twist.angular.norm()
+    if turns > TRIP_SHARE * limits.speed_angular:
+        speed, most = turns, limits.speed_angular
+    for j in range(config.law.joints - 1, -1, -1):
+        if abs(qd[j]) > TRIP_SHARE * limits.velocity[j]:
+            which, speed, most = j, abs(qd[j]), limits.velocity[j]
+    found = Why(Reason.TOO_FAST.value, 0, 0, which, speed, most)
+    see(state.conditions, found, speed > TRIP_SHARE * most, now_ns)
+
+
+@part
+def find_bad_inputs(config: ControllerConfig, state: ArmState, health: Health, now_ns: int) -> None:
+    """Look for inputs that the law cannot work with, or only for a bounded time."""
+    rows, conditions, at_work = state.conditions, config.conditions, follows(state.mode.mode)
+    others = health.outside != Reason.NONE and health.outside != Reason.FOREIGN_COMMAND
+    see(rows, because(Reason.INPUTS.value, health.outside), others, now_ns)
+    bad = health.wrench != Reason.NONE
+    see(rows, because(Reason.WRENCH_SLOWS.value, health.wrench), bad and at_work, now_ns)
+    # A wrench that is ahead shows joint states that are late, and the law works with these.
+    for_now = at_work and health.wrench != Reason.FUTURE
+    for_now = for_now and passed_ns(rows[Reason.WRENCH_SLOWS], now_ns) < conditions.slow_down_ns
+    see(rows, because(Reason.WRENCH.value, health.wrench), bad and not for_now, now_ns)
+    unseen, unseen_fault = unseen_ns(config.estimator, state.estimate), 0 + health.joint
+    if usable(unseen_fault):
+        unseen_fault = Reason.FROZEN.value  # they repeat themselves
+    see(rows, because(Reason.JOINT_STATE_SLOWS.value, unseen_fault), unseen > conditions.bridge_ns, now_ns)
+    fault = Reason.NONE.value
+    moves = state.observed.moves != 0 and at_work and unseen == 0
+    if now_ns - state.now_ns > config.joint.age_ns and state.mode.mode != Mode.WAITING_INPUT:
+        fault = Reason.NOT_RUN.value
+    elif unseen > (conditions.unseen_ns if at_work else conditions.bridge_ns):
+        fault = unseen_fault
+    elif frozen(config.joint, state.joint, now_ns) and (
+        moves or holds_for(state.mode, Reason.JOINT_STATE.value, Reason.FROZEN.value)
+    ):
+        fault = Reason.FROZEN.value
+    see(rows, because(Reason.JOINT_STATE.value, fault), fault != Reason.NONE, now_ns)
+    unknown = health.slip != Reason.NONE and conditions.slip_needed != 0
+    see(rows, because(Reason.SLIP_PREDICTED.value, health.slip), unknown, now_ns)
+    see(rows, because(Reason.SLIP_SLOWS.value, health.slip), unknown, now_ns)
+    longest_ns = conditions.lasts_ns[Reason.SLIP_SLOWS] + conditions.slow_down_ns
+    over = not at_work or passed_ns(rows[Reason.SLIP_PREDICTED], now_ns) >= longest_ns
+    see(rows, because(Reason.SLIP.value, health.slip), unknown and over, now_ns)
+
+
+@part
+def find_reasons_to_wait(config: ControllerConfig, task: TaskState, state: ArmState, now_ns: int) -> None:
+    """Look for why the law must not begin or continue, though all inputs are good."""
+    rows, tare, governor, at_work = state.conditions, state.tare, task.governor, follows(state.mode.mode)
+    waits = config.tare.duration_ns > 0 and not at_work
+    see(rows, because(Reason.TARE.value, 0), waits and tare.done == 0, now_ns)
+    found = read_why(tare.found) if waits else NOTHING
+    see_one_of(rows, Reason.BIASED.value, Reason.INVERTED_WRENCH.value, found, now_ns)
+    heavy = governor.infeasible != 0
+    where = round(1e3 * governor.heaviest_time) if heavy else 0
+    load = Why(Reason.PATH_TOO_HEAVY.value, 0, 0, where, governor.weight_load, PATH_MARGIN * governor.plan_load)
+    see(rows, load, heavy, now_ns)
+
+
+@part
+def find_hindrances(config: ControllerConfig, task: TaskState, state: ArmState, now_ns: int) -> None:
+    """Look for what keeps the law from its path."""
+    rows, governor, contact = state.conditions, task.governor, state.pad.contact
+    health = contact.slip_health
+    nothing = Why(Reason.READS_NOTHING.value, 0, 0, 0, contact.needs, contact.lacks)
+    see(rows, nothing, health == SensorHealth.READS_NOTHING, now_ns)
+    mistake = Why(Reason.SLIP_SENSOR.value, 0, 0, health, state.pad.sensor.value, state.pad.sensor.limit)
+    see(rows, mistake, health > SensorHealth.READS_NOTHING, now_ns)
+    load = pull(state.pad.evidence)
+    pulled, F = math.sqrt(load.dot(load)), state.pad.grip * contact.F_median
+    least = max(LEAST_FRICTION * F, config.governor.bias)  # a grip that follows leaves F at rest next to nothing
+    hand = config.law.contacts == 1 and rests_at_end(config, task) and pulled > least
+    see(rows, Why(Reason.HAND.value, 0, 0, 0, pulled, F), hand, now_ns)
+    given_up, waits = state.law.given_up.left_s > 0.0, state.observed.path_speed < 1.0 or task.path.scale < 1.0
+    see(rows, because(Reason.OVERRUNS.value, 0), governor.overrun != 0, now_ns)
+    see(rows, because(Reason.ENDLESS_SLIP.value, 0), governor.endless != 0, now_ns)
+    see(rows, because(Reason.GIVEN_UP.value, 0), given_up, now_ns)
+    see(rows, because(Reason.PATH_WAITS.value, 0), waits, now_ns)
+
+
+@part
+def rests_at_end(config: ControllerConfig, task: TaskState) -> bool:
+    """Return whether a governed path, or one to a goal, is over: then the object needs its weight alone."""
+    path, phase = task.governor, task.goal.phase
+    over = path.arrived != 0
+    if config.follows_goals != 0:
+        over = phase == GoalPhase.RESTS or phase == GoalPhase.REACHED
+    return bool(config.governor.mode != Governing.OFF and over and path.out_rate == 0.0)
+
+
+@part
+def slows(config: ControllerConfig, state: ArmState, now_ns: int) -> bool:
+    """Return whether the path has to come to rest, because of a user or of an input."""
+    rows = state.conditions
+    stops = rows[Reason.STOPPING].since_ns != NEVER or rows[Reason.WRENCH_SLOWS].since_ns != NEVER
+    stops = stops or rows[Reason.JOINT_STATE_SLOWS].since_ns != NEVER
+    return bool(stops or lasted(config.conditions, rows, Reason.SLIP_SLOWS.value, now_ns))
+
+
+# -- the decision -------------------------------------------------------------------------------------
 
 
 @part
@@ -51,13 +298,11 @@ def decide(c: ArmCycle, alone: bool, together: AtRest) -> None:
         task.forgets = 1
     fault = inputs.health.joint if inputs.health_given != 0 else state.joint.pending_fault
     state.joint.pending = 0
-    if fault == Reason.RESTARTED and state.law.known != 0:
-        wait(c, of_fault(Reason.JOINTS_RESTARTED.value, fault))  # everything starts again
-        return
     if config.models_wrench != 0:
         _count_wrench_as_good(config, state, inputs)
     missing = inputs.missing | _never_seen(config, state)
-    if state.law.known == 0 and not usable(fault):
+    # After a restart everything starts again.
+    if not usable(fault) if state.law.known == 0 else fault == Reason.RESTARTED:
         missing |= Missing.GOOD_JOINT_STATE.value
     if missing != 0:
         wait(c, Why(Reason.WAITS.value, fault, 0, int(missing), 0.0, 0.0))
@@ -73,17 +318,17 @@ def decide(c: ArmCycle, alone: bool, together: AtRest) -> None:
         if heavy.reason != Reason.NONE:
             wait(c, heavy)
             return
-    if is_unchecked(config.tare, state.tare):
+    tared = state.tare.done != 0 and state.tare.found.reason == Reason.NONE
+    if config.tare.duration_ns > 0 and not tared:
         model_wrench(c)
     _obey(config, state, inputs)
     bad = not (usable(fault) or fault == Reason.NOT_RUN)
     if bad and inputs.arm.M[0, 0] == 0.0:
-        silent = of_fault(Reason.JOINT_STATE.value, outputs.health.joint)
+        silent = because(Reason.JOINT_STATE.value, outputs.health.joint)
         next_mode(config.conditions, state.mode, silent, inputs.request, inputs.now_ns)
         outputs.decided = 1
         return
-    stamp_ns, now_ns, resets = state.joint.answers.stamp_ns, inputs.now_ns, inputs.request == Request.RESET_FAULT
-    measure_latency(state.latency, now_ns, stamp_ns, now_ns - state.now_ns)
+    now_ns, resets = inputs.now_ns, inputs.request == Request.RESET_FAULT
     request = _rest_before_hold(config, state, inputs.request, now_ns)
     reweighed = config.tare.duration_ns > 0 and not bad and tare(c, together)
     why = judge(config, task, state, outputs.health, now_ns)
@@ -149,41 +394,13 @@ def put_time(ledger: WholeArray, at: int, time_ns: int) -> None:
 
 
 @part
-def begin_law(c: ArmCycle) -> None:
-    """Begin the law: the arm where it is, no slip; of the first arm also the trajectory, starting here and now."""
-    config, task, state, outputs = c.config, c.task, c.state, c.outputs
-    law, sample, n, arm = state.law, state.joint.answers, config.law.joints, c.inputs.arm
-    law.known, law.stamp_ns = 1, sample.stamp_ns
-    law.start_position[:], law.start_rotation[:] = arm.position, arm.rotation
-    law.posture[:n] = config.posture[:n] if config.posture_given != 0 else sample.position[:n]
-    law.position[:n], law.gravity[:n], law.e_previous[:] = sample.position[:n], arm.gravity[:n], 0.0
-    for k in range(MAX_CONTACTS):
-        put(law.slips[k].position, ZERO)
-        put_mat(law.slips[k].rotation, IDENTITY)
-    law.given_up.left_s, law.given_up.fast_s = 0.0, 0.0
-    law.ramp = state.tuned
-    law.ramp.begin_ns = sample.stamp_ns
-    gains_now(state, sample.stamp_ns, outputs)
-    begin_pad(config, state, arm, outputs.gains)
-    if c.lead:
-        task.start_ns = sample.stamp_ns
-        if config.follows_stream != 0:
-            rest_stream(task.stream, vec(arm.position), mat(arm.rotation))
-        if config.follows_goals != 0:
-            rest_at(task.goal, Reference(vec(arm.position), mat(arm.rotation), NO_MOTION, NO_MOTION))
-        if config.governor.mode != Governing.OFF:
-            start_governor(config.governor, task.governor, state.pad)
-
-
-@part
 def _too_heavy(config: ControllerConfig, state: ArmState, inputs: CycleInputs) -> Why:
     """Return why the arm cannot be held where it is, NOTHING where it can.
 
     No drive can either, so the arm sinks until its lever is short enough: to begin there is for a user to say.
     """
     torque = inputs.arm.gravity.copy()
-    r = arm_of_load(config, state, pad_rotation(config.law.contact[0], state.law.slips[0]))
-    carry_load(config.hold, state.hold, inputs.arm, r, torque)
+    carry_load(config.hold, state.hold, inputs.arm, arm_of_load(config, state), torque)
     for j in range(config.law.joints):
         if abs(torque[j]) > config.law.effort_limit[j]:
             return Why(Reason.TOO_HEAVY.value, 0, 0, j, torque[j], config.law.effort_limit[j])
@@ -194,9 +411,8 @@ def _too_heavy(config: ControllerConfig, state: ArmState, inputs: CycleInputs) -
 
 @part
 def _obey(config: ControllerConfig, state: ArmState, inputs: CycleInputs) -> None:
-    """Begin again with what a user who enables the law or ends a fault has seen to: clocks, sensors that repeat."""
+    """Reset the checks that a user vouches for when enabling the law or ending a fault: repeating sensors."""
     if inputs.request == Request.ENABLE or inputs.request == Request.RESET_FAULT:
-        forget_latency(state.latency)
         for k in range(config.law.contacts):
             state.wrench_inputs[k].equal_since_ns = state.wrench_inputs[k].stamp_ns
         if state.estimate.unmeasured[0] == 0:  # else no user can be right: the joint states contradict themselves

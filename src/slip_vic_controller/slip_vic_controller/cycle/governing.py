@@ -6,14 +6,13 @@ import math
 
 from slip_core.compiled import part
 from slip_core.vectors import NOTHING, mat, spatial, vec
-from slip_vic_controller.cycle.contact import held
+from slip_vic_controller.cycle.sensing import held
 from slip_vic_controller.governor import governor
 from slip_vic_controller.governor.guard import hold_back
-from slip_vic_controller.governor.layouts import GovernedPad, Governor
+from slip_vic_controller.governor.layouts import FLOOR, PATH_MARGIN, Governor
 from slip_vic_controller.governor.load import Held
 from slip_vic_controller.governor.plan import GRID_POINTS, Governing, along, along_at, sample_time
 from slip_vic_controller.governor.step import Bounds, Pad
-from slip_vic_controller.law.arm import Arm
 from slip_vic_controller.path.goals import (
     GoalPhase,
     begin_goal,
@@ -34,21 +33,27 @@ from slip_vic_controller.path.stream import (
     take_queued,
     waiting,
 )
-from slip_vic_controller.state import ArmCycle, ArmState, ControllerConfig, CycleOutputs, Governed, TaskState
+from slip_vic_controller.state import ArmCycle, ControllerConfig, TaskState
 
 CATCH_UP = 1.5
 """How much faster than received a stream may be followed where the timing is free."""
 
 
 @part
-def rest_on_path(config: ControllerConfig, task: TaskState, arm: Arm, held_still: bool) -> None:
+def pad_now(c: ArmCycle) -> Reference:
+    """Return the pose of the own pad, at rest."""
+    return Reference(vec(c.inputs.arm.position), mat(c.inputs.arm.rotation), NOTHING, NOTHING)
+
+
+@part
+def rest_on_path(c: ArmCycle, held_still: bool) -> None:
     """Continue from rest where the path is; of a stream, where the first pad is.
 
     After a HOLD (held_still) a reference by topic is where the first pad is, until a new one comes. A goal is continued
     unless it is given up: after a reset, and where the law could not be evaluated on the way, so that the arm can be
     enabled again whatever the goal was.
     """
-    here = Reference(vec(arm.position), mat(arm.rotation), NOTHING, NOTHING)
+    config, task, here = c.config, c.task, pad_now(c)
     if config.follows_stream != 0:
         rest_stream(task.stream, here.position, here.rotation)
     task.governor.rate = 0.0
@@ -63,9 +68,9 @@ def rest_on_path(config: ControllerConfig, task: TaskState, arm: Arm, held_still
 
 
 @part
-def give_way(config: ControllerConfig, task: TaskState, arm: Arm) -> None:
-    """Let the path be where the pad is, so that nothing pulls it back: a hand moves it."""
-    here = Reference(vec(arm.position), mat(arm.rotation), NOTHING, NOTHING)
+def yield_to(c: ArmCycle) -> None:
+    """Move the path to the pad, so that nothing pulls the pad back while a hand moves it."""
+    config, task, here = c.config, c.task, pad_now(c)
     if config.follows_goals != 0:
         rest_at(task.goal, here)
         governor.start_path(config.governor, task.governor)
@@ -75,13 +80,13 @@ def give_way(config: ControllerConfig, task: TaskState, arm: Arm) -> None:
 
 
 @part
-def path_at(config: ControllerConfig, task: TaskState, state: ArmState, time: float) -> Reference:
+def path_at(c: ArmCycle, time: float) -> Reference:
     """Return the trajectory as planned at its own time [s]: the built-in one, the stream, or the way to the goal."""
-    if config.follows_stream != 0:
-        return at(task.stream, time)
-    if config.follows_goals != 0:
-        return goal_at(task.goal, time)
-    return reference_at(config.path, time, state.law.start_position, state.law.start_rotation)
+    if c.config.follows_stream != 0:
+        return at(c.task.stream, time)
+    if c.config.follows_goals != 0:
+        return goal_at(c.task.goal, time)
+    return reference_at(c.config.path, time, c.state.law.start_position, c.state.law.start_rotation)
 
 
 @part
@@ -107,16 +112,16 @@ def follow_goal(task: TaskState, now_ns: int) -> Reference:
 
 
 @part
-def rate_limit(config: ControllerConfig, path: Governor, path_speed: float) -> float:
+def rate_limit(path: Governor, path_speed: float) -> float:
     """Return the largest sdot for other reasons; 0 = come to rest."""
-    return math.inf if path_speed >= 1.0 else path_speed * max(path.rate, config.governor.floor)
+    return math.inf if path_speed >= 1.0 else path_speed * max(path.rate, FLOOR)
 
 
 @part
-def seen_from(planned: Reference, arm: Arm, pad: GovernedPad) -> Pad:
+def seen_from(c: ArmCycle, planned: Reference) -> Pad:
     """Return the first pad as seen from a point of its path."""
-    x = vec(arm.position) - planned.position
-    return Pad(x, mat(arm.rotation), spatial(arm.twist), spatial(pad.feedback))
+    arm, x = c.inputs.arm, vec(c.inputs.arm.position) - planned.position
+    return Pad(x, mat(arm.rotation), spatial(arm.twist), spatial(c.state.pad.feedback))
 
 
 @part
@@ -151,13 +156,11 @@ def follow_stream(c: ArmCycle, grasped: Held, path_speed: float, dt: float) -> N
         path.rate = 0.0
         return
     drop_passed(stream, path.out_time)
-    plan_stream(stream, limits_of.path_margin * path.usable, limits_of.reserve, limits_of.preview_s)
+    plan_stream(stream, PATH_MARGIN * path.usable, limits_of.reserve, limits_of.preview_s)
     now, K, ahead = at(stream, path.s), stream_bound(stream, path.s)[0], stream_bound(stream, path.s + dt * path.rate)
-    most_rate, last = min(rate_limit(config, path, path_speed), catch_up), stream.points[stream.count - 1].time
+    most_rate, last = min(rate_limit(path, path_speed), catch_up), stream.points[stream.count - 1].time
     bounds = Bounds(K, ahead[0], ahead[1], most_rate, 1.0, stream.points[0].time, max(last, path.s))
-    governor.follow(
-        limits_of, path, bounds, grasped, along_at(now, 1.0, 0.0), seen_from(now, c.inputs.arm, state.pad), dt
-    )
+    governor.follow(limits_of, path, bounds, grasped, along_at(now, 1.0, 0.0), seen_from(c, now), dt)
     path.time, path.out_time = path.s, path.out_s
 
 
@@ -169,24 +172,24 @@ def follow_path(c: ArmCycle, grasped: Held, path_speed: float, dt: float) -> Non
         path_speed = 0.0
     if path.planned == 0:
         for i in range(GRID_POINTS):
-            there = path_at(config, task, state, sample_time(config.governor.mode, i, path.duration))
+            there = path_at(c, sample_time(config.governor.mode, i, path.duration))
             governor.sample_point(config.governor, path, task.grid, i, grasped, there)
     if (state.joint.answers.stamp_ns - task.start_ns) * 1e-9 < config.start_s:  # the trajectory rests first
         governor.plan(config.governor, path, task.grid)
         return
-    planned = path_at(config, task, state, path.time)
-    point, seen = along(config.governor, path.duration, path.time, planned), seen_from(planned, c.inputs.arm, state.pad)
-    governor.run(config.governor, path, task.grid, grasped, point, seen, rate_limit(config, path, path_speed), dt)
+    planned = path_at(c, path.time)
+    point, limit = along(config.governor, path.duration, path.time, planned), rate_limit(path, path_speed)
+    governor.run(config.governor, path, task.grid, grasped, point, seen_from(c, planned), limit, dt)
     if config.follows_goals != 0:
         judge_governed_goal(config.governor, path, task.goal)
 
 
 @part
-def governed_reference(config: ControllerConfig, task: TaskState, state: ArmState, lead: bool) -> Reference:
-    """Return the reference of a pad where the governor has the path; lead: of the first pad, whose path is governed."""
-    path = task.governor
-    planned = path_at(config, task, state, path.out_time)
-    if lead:
+def governed_reference(c: ArmCycle) -> Reference:
+    """Return the reference of a pad where the governor has the path, which is that of the first pad."""
+    config, path = c.config, c.task.governor
+    planned = path_at(c, path.out_time)
+    if c.lead:
         point = along(config.governor, path.duration, path.out_time, planned)
         path.out_speed, path.out_bend = point.speed, point.bend
     else:
@@ -196,27 +199,27 @@ def governed_reference(config: ControllerConfig, task: TaskState, state: ArmStat
 
 
 @part
-def guard(
-    config: ControllerConfig, task: TaskState, state: ArmState, arm: Arm, outputs: CycleOutputs, grasped: Held
-) -> float:
-    """Return the factor on a_C with which friction carries the object, and keep what the next cycle needs of it."""
+def guard(c: ArmCycle, grasped: Held) -> float:
+    """Return the factor on a_C with which friction carries the object, and store it for the next cycle."""
+    config, outputs, arm, path = c.config, c.outputs, c.inputs.arm, c.task.governor
     a_C, a_d, v_ee = spatial(outputs.law.a_C), spatial(outputs.law.a_d), spatial(arm.twist)
-    R, pad, ceiling = mat(arm.rotation), state.pad, task.governor.ceiling
+    R, pad = mat(arm.rotation), c.state.pad
     # Without compensation the impedance drags at an object that has overrun its path, the more the farther it is off.
-    slides = pad.contact.slipping != 0 and (config.governor.led == 0 or task.governor.overrun == 0)
+    slides = pad.contact.slipping != 0 and (config.governor.led == 0 or path.overrun == 0)
     if config.law.contacts > 1:
-        # What gives way to the internal wrench moves no object; and one arm that holds back alone would pull at it.
+        # Yielding to the internal wrench moves no object; and one arm that holds back alone would pull at it.
         gains = outputs.gains.gains
         a_C = a_C - gains.kappa * (R @ spatial(outputs.law.h_int)) / spatial(gains.M_D)
-        hold_back(config.governor, ceiling, pad, grasped, R, v_ee.angular, a_C, a_d, slides)
-        pad.guard = 1.0
-        return 1.0
-    return hold_back(config.governor, ceiling, pad, grasped, R, v_ee.angular, a_C, a_d, slides)
+    factor = hold_back(config.governor, path.ceiling, pad, grasped, R, v_ee.angular, a_C, a_d, slides)
+    if config.law.contacts > 1:
+        pad.guard = factor = 1.0
+    return factor
 
 
 @part
-def put_governed(config: ControllerConfig, task: TaskState, state: ArmState, out: Governed) -> None:
-    """Write what is published of the governor to a GOVERNED."""
+def put_governed(c: ArmCycle) -> None:
+    """Write the governor's published numbers."""
+    config, task, state, out = c.config, c.task, c.state, c.outputs.governor
     path, pad = task.governor, state.pad
     out.path_s, out.path_rate, out.guard = path.out_s, path.out_rate, pad.guard
     F = pad.grip * pad.contact.F_median

@@ -1,1 +1,1 @@
-"""Where the pad should be: built-in paths, and the speed at which they are run through."""
+"""The reference governor: the speed along the path, the grip and the guard."""

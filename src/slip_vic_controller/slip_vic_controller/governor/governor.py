@@ -1,11 +1,11 @@
 """The reference governor: how fast the path is followed, so that the load stays within what friction carries.
 
-A cycle calls, in this order: `sample_point` for every point of a path that has no plan yet, `run`, then its law with
-`governed` as reference, then `hold_back` with the law's a_C. All of it is in place and deterministic: its memory is
-GOVERNOR, PAD and the points of the path.
+A cycle calls, in this order: `sample_point` for every point of a path without a plan, `run`, the law with `governed` as
+reference, and `hold_back` with the law's a_C. All are in place and deterministic: the state is GOVERNOR, PAD and the
+points of the path.
 
-The path is planned as a whole, in the cycle in which it begins and in every one in which the load that it may use has
-changed by REPLAN.
+The whole path is planned in the cycle in which it begins, and again when the load that it may use has changed by
+REPLAN.
 """
 
 from __future__ import annotations
@@ -18,10 +18,18 @@ from slip_core.records import Records
 from slip_core.vectors import NOTHING, Spatial, Vec, put_spatial
 from slip_vic_controller.contact.belief import start_belief
 from slip_vic_controller.contact.estimate import SensorHealth
-from slip_vic_controller.contact.friction_estimate import start_friction
+from slip_vic_controller.contact.friction_estimate import KEPT, start_friction
 from slip_vic_controller.contact.slip_health import start_health
 from slip_vic_controller.contact.wrench_evidence import start_evidence
-from slip_vic_controller.governor.layouts import GovernedPad, Governor, GovernorConfig
+from slip_vic_controller.governor.layouts import (
+    FLOOR,
+    GIVEN_UP,
+    LENGTH,
+    PATH_MARGIN,
+    GovernedPad,
+    Governor,
+    GovernorConfig,
+)
 from slip_vic_controller.governor.load import Held
 from slip_vic_controller.governor.plan import (
     FASTEST,
@@ -43,20 +51,19 @@ from slip_vic_controller.governor.step import OVER, SLOWEST, Bounds, Pad, carrie
 from slip_vic_controller.path.paths import Reference
 
 REPLAN: Final = 5e-3
-"""Change of the load that the path may use that is worth a new plan, and how exactly the least one that stops is found;
-of that load."""
+"""Relative change of the usable load that causes a new plan, and relative accuracy of the least load that stops."""
 ARRIVED_SHARE: Final = 1e-6
-"""Share of the path that may be left when it counts as completed."""
+"""Remaining fraction of the path at which it counts as completed."""
 LED_S: Final = 0.2
-"""How long a slipping object may lead a path that hardly moves, since pads that tremble slip to and fro endlessly, or
-one that has to be braked [s]."""
+"""How long a slipping object may lead a path that hardly moves, because trembling pads slip back and forth endlessly,
+or one that has to brake [s]."""
 BACK: Final = 1e-3
-"""How near its path the pad has come back when an overrun is over, where it can stop on the path again [m]."""
+"""Distance to the path below which an overrun ends, if the pad can stop on the path again [m]."""
 
 
 @part
 def start_path(config: GovernorConfig, state: Governor) -> None:
-    """Begin a path: it has to be planned. What is known of friction stays."""
+    """Start a path: it has no plan yet. The friction estimate stays."""
     state.s, state.end, state.arrived = 0.0, 0.0, 0
     state.time = sample_time(config.mode, 0, state.duration)
     discard_plan(config, state)
@@ -64,7 +71,7 @@ def start_path(config: GovernorConfig, state: Governor) -> None:
 
 @part
 def discard_plan(config: GovernorConfig, state: Governor) -> None:
-    """Rest where the path is, and plan it again: the object that is held, or its friction, may be another."""
+    """Rest at the current point of the path and replan: object or friction may have changed."""
     state.rate, state.planned, state.asked, state.plan_load = 0.0, 0, 0.0, 0.0
     state.infeasible, state.heaviest_time, state.weight_load = 0, 0.0, 0.0
     state.limit, state.overrun, state.endless, state.led_s = 0, 0, 0, 0.0
@@ -73,15 +80,15 @@ def discard_plan(config: GovernorConfig, state: Governor) -> None:
 
 @part
 def start_pad(config: GovernorConfig, pad: GovernedPad, at_rest: float, weighed: bool, grip: float) -> None:
-    """Begin with a pad: of friction is known what is configured, or what the object at rest shows.
+    """Start with a pad: friction as configured, or as the object at rest shows.
 
     Args:
         config, pad: GOVERNOR_CONFIG, PAD.
         at_rest: load of the object at rest [N].
-        weighed: whether a tare has found that, and not the configuration.
+        weighed: whether it was measured by a tare rather than configured.
         grip: over the one for which friction is configured.
     """
-    rests_with = at_rest / (grip * config.path_margin) if weighed else 0.0
+    rests_with = at_rest / (grip * PATH_MARGIN) if weighed else 0.0
     start_friction(config.friction, pad.contact, pad.friction, at_rest / grip, rests_with)
     start_evidence(pad.evidence)
     start_health(pad.sensor)
@@ -97,7 +104,7 @@ def start_pad(config: GovernorConfig, pad: GovernedPad, at_rest: float, weighed:
 
 @part
 def start_governor(config: GovernorConfig, state: Governor, pad: GovernedPad) -> None:
-    """Begin a path, with what is known of a pad."""
+    """Start a path, with the state of a pad."""
     state.duration = config.duration
     start_path(config, state)
     state.contact = pad.contact
@@ -105,7 +112,7 @@ def start_governor(config: GovernorConfig, state: Governor, pad: GovernedPad) ->
 
 @part
 def steady(config: GovernorConfig, state: Governor) -> None:
-    """Let the moving average begin again where the path is now."""
+    """Restart the moving average at the current point of the path."""
     for i in range(config.window):
         state.ring[i, 0], state.ring[i, 1], state.ring[i, 2] = state.s, state.rate, 0.0
     state.ring_count = 0
@@ -141,25 +148,25 @@ def sample_point(
 def load_to_plan(config: GovernorConfig, state: Governor, grid: Records[GridPoint]) -> float:
     """Return the load that the path is to be planned for [N].
 
-    What rests is carried. So before the path begins, a slip at less than the weight there counts as one at the weight:
-    something has pushed the object, or several arms have pressed on each other.
+    An object at rest is carried. So before the path begins, a slip at less than the weight counts as one at the weight:
+    something pushed the object, or several arms pressed on each other.
     """
     F = config.most_grip * min(state.contact.F_lo, config.margin * state.contact.F_median)
     if state.planned == 0:
         at_start = math.sqrt(grid[cell(grid, state.s)].cc)
-        F = carried_weight(config, state, F, at_start / config.friction.kept)
+        F = carried_weight(config, state, F, at_start / KEPT)
     return with_weight(config, state, F)
 
 
 @part
 def plan(config: GovernorConfig, state: Governor, grid: Records[GridPoint]) -> None:
-    """Plan a path that has been sampled, and plan it again where the load that it may use has changed."""
+    """Plan a sampled path, and replan it if the load that it may use has changed."""
     F = load_to_plan(config, state, grid)
     if state.planned == 1 and abs(F - state.asked) <= REPLAN * state.asked:
         return
     plan_load = stopping_load(config, state, grid, F)
     state.asked, state.plan_load = F, plan_load
-    carries = config.path_margin * plan_load
+    carries = PATH_MARGIN * plan_load
     state.infeasible = 1 if state.weight_load > carries else 0
     if state.planned == 0:
         state.planned = 1
@@ -174,11 +181,11 @@ def plan(config: GovernorConfig, state: Governor, grid: Records[GridPoint]) -> N
 def stopping_load(config: GovernorConfig, state: Governor, grid: Records[GridPoint], F: float) -> float:
     """Plan for a load F [N], or the least above it under which the pad can stop on the path; return that load.
 
-    Margin is given up first, and the reserve is margin too; the path's end is given up last.
+    Margin and reserve are given up first, the end of the path last.
     """
     if stops_with(config, state, grid, F, config.reserve):
         return F
-    low, high = F, max(F, config.most_grip * config.given_up * state.contact.slipped_at)
+    low, high = F, max(F, config.most_grip * GIVEN_UP * state.contact.slipped_at)
     if not stops_with(config, state, grid, high, 0.0):
         stops_with(config, state, grid, F, 0.0)  # brakes with what there is
         return F
@@ -198,7 +205,7 @@ def stops_with(config: GovernorConfig, state: Governor, grid: Records[GridPoint]
 
     At the end sdot need not be 0 where the path itself ends at rest, unless it is time-optimal.
     """
-    usable, end = config.path_margin * F, grid[GRID_POINTS - 1]
+    usable, end = PATH_MARGIN * F, grid[GRID_POINTS - 1]
     left = left_for_motion(usable, math.sqrt(end.cc), reserve)
     free = config.mode != Governing.TIME_OPTIMAL and at_rest(end, left) and end.cc <= left * left
     end.K = end.cap if free else 0.0
@@ -232,14 +239,14 @@ def run(
     most_rate: float,
     dt: float,
 ) -> None:
-    """Plan where need be, and do a cycle's step on the path: writes out_s, out_rate, out_u, out_time.
+    """Plan if necessary, and do a cycle's step on the path: writes out_s, out_rate, out_u, out_time.
 
     Args:
         config, state, grid: GOVERNOR_CONFIG, GOVERNOR, points of the path.
         held: object on pad axes.
         point: the path at state.time, from `along`.
         pad: where it is, as seen from that point of the path.
-        most_rate: largest sdot that anything else admits; 0 = come to rest on the path.
+        most_rate: largest sdot that other limits admit; 0 = come to rest on the path.
         dt: control period [s].
     """
     plan(config, state, grid)
@@ -284,7 +291,7 @@ def follow(
 
 @part
 def smooth(config: GovernorConfig, state: Governor, u: float) -> None:
-    """Average s, sdot and sddot over the window alike: the mean of admissible accelerations is admissible."""
+    """Average s, sdot and sddot over the same window: the mean of admissible accelerations is admissible."""
     place = state.ring_count % config.window
     state.ring[place, 0], state.ring[place, 1], state.ring[place, 2] = state.s, state.rate, u
     state.ring_count += 1
@@ -304,14 +311,14 @@ def time_at(state: Governor, grid: Records[GridPoint], s: float) -> float:
 
 @part
 def watch_overrun(state: Governor, pad: Pad, K: float) -> None:
-    """End an overrun where the pad is back and can stop on the path again."""
+    """End an overrun when the pad is back and can stop on the path again."""
     if pad.x.dot(pad.x) < BACK * BACK and state.rate * state.rate <= K:
         state.overrun = 0
 
 
 @part
 def watch_lead(config: GovernorConfig, state: Governor, point: Along, K: float, dt: float) -> None:
-    """Find a slip that does not end while the object leads a path that hardly moves, or goes beyond K [1/s^2].
+    """Find a slip that does not end while the object leads a path that hardly moves, or that exceeds K [1/s^2].
 
     point, dt: as in `run`.
     """
@@ -349,6 +356,6 @@ def governed(config: GovernorConfig, state: Governor, point: Along) -> tuple[Spa
 @part
 def on_pad(config: GovernorConfig, point: Along, x_e: Vec, v_ee: Spatial) -> tuple[float, float]:
     """Return sdot of the pad along the path, and how far ahead of the point it is; arguments as in `run`."""
-    p, w = point.tangent.linear, config.length * point.tangent.angular
-    square = pace(config, point) + config.floor * config.floor
-    return (p.dot(v_ee.linear) + config.length * w.dot(v_ee.angular)) / square, p.dot(x_e) / square
+    p, w = point.tangent.linear, LENGTH * point.tangent.angular
+    square = pace(config, point) + FLOOR * FLOOR
+    return (p.dot(v_ee.linear) + LENGTH * w.dot(v_ee.angular)) / square, p.dot(x_e) / square

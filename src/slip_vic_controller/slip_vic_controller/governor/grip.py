@@ -1,11 +1,11 @@
-"""Grip as the other output: squeeze as hard as the load ahead needs, and no harder.
+"""The grip as a second output: squeeze only as hard as the load ahead needs.
 
     N = (L + eps) / (mu r),   L = max(p, |l| - noise, 0.9 d) + what the plan rises by within the preview
 
-mu: friction as configured, r: what the belief is certain to carry of it; p, l, d: see `contact.belief`; eps: the load
-that is probed anyway. The command rises at once and sinks slowly. While the object slides it only rises: the measured
-load falls then, and a squeeze that followed it would lose the object. The gripper is not measured: a lag of first order
-stands for it, and the least force that it may have of what is commanded.
+mu: configured friction, r: the fraction of it that is certain by the belief; p, l, d: see `contact.belief`; eps: the
+load that is probed anyway. The command rises at once and falls slowly. While the object slides it only rises: the
+measured load falls then, and a squeeze that followed it would lose the object. The gripper is not measured, but
+modelled by a first-order lag and its smallest force for a command.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from slip_vic_controller.contact.belief import BELIEF_TUNING, Belief
 from slip_vic_controller.governor.plan import GRID_POINTS, GridPoint
 
 SINKS_S: Final = 0.02
-"""In which the command sinks to what the load needs, or grows in a slip, by the factor e; and by which the load ahead
-is looked at earlier than the gripper takes [s]."""
+"""Time constant with which the command falls to what the load needs, or grows in a slip; also the preview of the load
+beyond the gripper's lag [s]."""
 
 
 class GripConfig(Record):
-    """How the grip may be commanded."""
+    """Limits of the grip command."""
 
     follow: Whole  # whether it is commanded
     nominal_force: Real  # N, for which friction is configured
@@ -37,7 +37,7 @@ class GripConfig(Record):
 
 
 class Grip(Record):
-    """The grip as it is commanded and modelled."""
+    """The commanded and the modelled grip."""
 
     command: Real  # N
     actual: Real  # N, what the gripper is taken to hold with
@@ -46,7 +46,7 @@ class Grip(Record):
 
 @part
 def load_ahead(grid: Records[GridPoint], time: float, preview_s: float) -> float:
-    """Return by how much the load of the path as it is planned rises from a time of it on [N].
+    """Return by how much the planned load rises from a time on the path [N].
 
     Args:
         grid: points of the path, planned.
@@ -72,7 +72,7 @@ def load_ahead(grid: Records[GridPoint], time: float, preview_s: float) -> float
 
 @part
 def load_to_hold(belief: Belief, commanded: float) -> float:
-    """Return the load that has to be carried now [N]: never the measured one alone, which falls in a slip."""
+    """Return the load to carry now [N]: never only the measured one, which falls in a slip."""
     tuning = BELIEF_TUNING
     return max(belief.needed, belief.carried - tuning.counts * belief.noise, tuning.stands * commanded)
 

@@ -1,4 +1,4 @@
-"""The guard: the last scaling of a control acceleration: it never loads the contact with more than friction carries."""
+"""The guard scales the control acceleration so that it never loads the contact with more than friction carries."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from slip_vic_controller.governor.load import Held, drawn, size, turning, weight
 from slip_vic_controller.governor.plan import Governing
 
 BRAKES: Final = 1.1
-"""Of the load of the weight alone, where the estimate of friction does not carry that: the arm has to brake."""
+"""Of the load of the weight alone, if the estimated friction does not carry it: the arm has to brake."""
 
 
 @part
 def guard_factor(drawn: Spatial, rest: Spatial, F: float) -> float:
     """Return the largest k in [0, 1] with |k l_a + l_0| <= F.
 
-    Where even k = 0 is too much (the weight and the turning alone), the k with the smallest load.
+    If even k = 0 is too much (weight and turning alone), the k with the smallest load.
 
     Args:
         drawn: l_a, what the control acceleration draws [N].
@@ -50,7 +50,7 @@ def hold_back(
     a_d: Spatial,
     slides: bool,
 ) -> float:
-    """Return the guard's factor on a_C, and keep the feedback and the load that are commanded.
+    """Return the guard's factor on a_C, and store the commanded feedback and load.
 
     Args:
         config: GOVERNOR_CONFIG.
@@ -59,7 +59,7 @@ def hold_back(
         held: object on pad axes.
         R_ee, w_ee: the pad's attitude and turning {w} [rad/s].
         a_C, a_d: control acceleration of the law, and the reference's in it {w}.
-        slides: whether the object slides and is left to that: nothing is held back.
+        slides: whether the object slides; then the factor is 1.
 
     Implements: ours: the load of the commanded acceleration never exceeds F^ unless it slides.
     """

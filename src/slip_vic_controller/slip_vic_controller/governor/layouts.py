@@ -1,8 +1,8 @@
-"""Records of the governor: its configuration, where on the path it is, and what it keeps of each pad."""
+"""Records of the governor: configuration, state on the path, and state of each pad."""
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Final
 
 from slip_core.arrays import Array
 from slip_core.records import Real, Record, Vec3, Vec6, Whole, dtype_of
@@ -13,22 +13,27 @@ from slip_vic_controller.contact.slip_health import SlipEvidence
 from slip_vic_controller.contact.wrench_evidence import WrenchEvidence
 from slip_vic_controller.sizes import ROOM
 
+PATH_MARGIN: Final = 0.97
+"""Share of a load in the backward pass."""
+GIVEN_UP: Final = 0.985
+"""Share of the load at slip that may be used if nothing less stops on the path."""
+LENGTH, FLOOR = 0.1, 0.05
+"""Time-optimal: L, the length that converts rotation to a path length [m], and the speed where the path reverses
+[m/s]."""
+
 
 class GovernorConfig(Record):
-    """How the path is governed."""
+    """Configuration of the governor."""
 
     mode: Whole  # Governing
     margin: Real  # beta, share of F^ that a motion may use
-    path_margin: Real  # share of that in the backward pass
     reserve: Real  # share of the friction beside the weight that the path does not use
-    given_up: Real  # share of the load at which it slipped that may be used where nothing less stops on the path
     radius: Real  # m, rho
     slip_axes: Vec6  # Sigma, 0 or 1, {ee}
     weights: Vec6  # S^-1 Sigma; 1, 1/m
+    bias: Real  # N, load that the wrench's expected error looks like
     gravity: Vec3  # m/s^2 {w}
     duration: Real  # s, of the user's path
-    length: Real  # m, L: makes turning a length
-    floor: Real  # m/s, of the path's length
     most_grip: Real  # largest grip over the configured one
     most_speed: Real  # m/s, of the pad
     most_turning: Real  # rad/s
@@ -39,7 +44,7 @@ class GovernorConfig(Record):
 
 
 class Governor(Record):
-    """Where on the path the object is, the plan in use, and what limits the path."""
+    """Position on the path, the current plan, and what limits the path."""
 
     duration: Real  # s, of the path that is followed
     s: Real
@@ -71,7 +76,7 @@ class Governor(Record):
 
 
 class GovernedPad(Record):
-    """What the governor keeps of each pad."""
+    """State of the governor for each pad."""
 
     feedback: Vec6  # a_C - a_d of the last cycle {w}
     commanded: Real  # N, load of the last cycle

@@ -1,4 +1,4 @@
-"""What an acceleration of the pad puts on the contact: the load that friction must carry while nothing slips.
+"""The load of the contact due to an acceleration of the pad, which friction must carry without slip.
 
 With v_s = 0 the object moves with the pad, so its motion follows from the pad's, and the wrench at the contact from
 the object's dynamics. The load is that wrench on the axes on which the contact can slip, torque divided by the
@@ -17,7 +17,7 @@ from typing import Final, NamedTuple
 
 from slip_core.compiled import part
 from slip_core.vectors import ZERO, Mat, Spatial, Vec
-from slip_vic_controller.law.internal import Sharing
+from slip_vic_controller.law.object import Sharing
 
 ALONE = Sharing(1, ZERO, ZERO, Mat(ZERO, ZERO, ZERO), 0.0)
 """One pad holds the object."""
@@ -44,8 +44,8 @@ class Held(NamedTuple):
 def at_contact(held: Held, force: Vec, torque: Vec) -> Spatial:
     """Return S^-1 Sigma G^-1 h_o: the load of a wrench at the centre of mass.
 
-    Of several pads: what is never below the load of any of them. Force is shared alike, l = f / n, and a torque about
-    the pads' normal asks +-t of them, so |l +- t|^2 <= (1 + e) |l|^2 + (1 + 1 / e) |t|^2 for any e.
+    Of several pads: an upper bound of the load of each. Force is shared equally, l = f / n, and a torque about the
+    pads' normal adds +-t, so |l +- t|^2 <= (1 + e) |l|^2 + (1 + 1 / e) |t|^2 for any e.
     """
     if held.shared.contacts == 1:
         return held.weights * Spatial(force, torque - held.r.cross(force))
@@ -56,7 +56,7 @@ def at_contact(held: Held, force: Vec, torque: Vec) -> Spatial:
 
 @part
 def drawn(held: Held, R: Mat, a: Spatial) -> Spatial:
-    """Return the load that an acceleration of the pad draws; a [m/s^2, rad/s^2] {w}; R: {ee} to {w}.
+    """Return the load due to an acceleration of the pad; a [m/s^2, rad/s^2] {w}; R: {ee} to {w}.
 
     Implements: Eq. (10), (17): -S^-1 Sigma R^T G^-1 B_o G^-T a.
     """
@@ -87,7 +87,7 @@ def weight(held: Held, R: Mat) -> Spatial:
 
 @part
 def load(held: Held, R: Mat, w: Vec, a: Spatial) -> Spatial:
-    """Return l(a): the load of a pad that turns at w [rad/s] and accelerates at a [m/s^2, rad/s^2]; all {w}.
+    """Return l(a): the load at a pad that turns at w [rad/s] and accelerates at a [m/s^2, rad/s^2]; all {w}.
 
     Implements: Eq. (10), (17) with v_s = 0: S^-1 Sigma R^T h_ee, h_ee = -G^-1 (B_o a_o + C_o v_o + g_o).
     """

@@ -1,17 +1,17 @@
-"""The plan: the path as sampled points with the load that each puts on the contact, and how fast each may be passed.
+"""The plan: sampled points of the path with their load on the contact and their largest speed.
 
 On a path x_d(s) with x = sdot^2 and u = sddot the load is l = l_u u + l_x x + l_c. The backward pass needs only the
-scalar products of these three vectors, so a point keeps those. The parameter s is the user's own time where the path
-is only slowed down; for time-optimal motion it is a length, ds = sqrt(|v|^2 + L^2 |w|^2 + floor^2) dt. The floor lets s
-advance where the path turns back; it vanishes towards the ends as the speed of a path does that starts with no
-acceleration, so there s is a length.
+scalar products of these three vectors, so a point keeps those. The parameter s is the user's own time where the path is
+only slowed down; for time-optimal motion it is a length, ds = sqrt(|v|^2 + L^2 |w|^2 + floor^2) dt. The floor lets s
+advance where the path reverses; it vanishes towards the ends like the speed of a path that starts without acceleration,
+so there s is a length.
 
 The backward pass finds at every point the largest sdot^2 from which the rest of the path can be followed:
 
     K_i = max { x <= cap : there is a u with |l_u u + l_x x + l_c| <= F and 0 <= x + 2 D u <= K_(i+1) }
 
-A convex problem of two variables. Its maximum is where the velocity cap, the edge of the ellipse, or the ellipse on one
-of the two lines is; the largest admissible one of these is taken, and where rounding rejects all, bisection decides.
+This is a convex problem in two variables. Its maximum lies at the velocity cap, at the edge of the ellipse, or on the
+ellipse at one of the two lines; the largest admissible one is taken, or bisection decides if rounding rejects all.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ from typing import Final, NamedTuple
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Records, dtype_of
 from slip_core.vectors import Mat, Spatial
-from slip_vic_controller.governor.layouts import GovernorConfig
+from slip_vic_controller.governor.layouts import FLOOR, LENGTH, GovernorConfig
 from slip_vic_controller.governor.load import Held, drawn, turning, weight
 from slip_vic_controller.path.paths import Reference
 from slip_vic_controller.sizes import BISECTIONS
 
 GRID_POINTS: Final = 200
 FASTEST: Final = 1e3
-"""Largest sdot of a point that nothing limits."""
+"""Largest sdot of a point without limits."""
 ROUNDING: Final = 1e-10
 """Relative error of a root."""
 REST: Final = 1e-12
@@ -39,7 +39,7 @@ REST: Final = 1e-12
 
 @unique
 class Governing(IntEnum):
-    """What the governor does with the path's timing."""
+    """How the governor changes the timing of the path."""
 
     OFF = 0
     SLOW_DOWN = 1
@@ -98,9 +98,9 @@ def along(config: GovernorConfig, duration: float, time: float, planned: Referen
     inside = sample_time(config.mode, 0, duration) / duration
     share = min(max(time / duration, inside), 1.0 - inside)
     c = 4.0 * share * (1.0 - share)
-    floor, floor_rate = config.floor * c * c, config.floor * 8.0 * c * (1.0 - 2.0 * share) / duration
-    v, w = planned.twist.linear, config.length * planned.twist.angular
-    a, alpha = planned.acceleration.linear, config.length * planned.acceleration.angular
+    floor, floor_rate = FLOOR * c * c, FLOOR * 8.0 * c * (1.0 - 2.0 * share) / duration
+    v, w = planned.twist.linear, LENGTH * planned.twist.angular
+    a, alpha = planned.acceleration.linear, LENGTH * planned.acceleration.angular
     speed = math.sqrt(v.dot(v) + w.dot(w) + floor * floor)
     bend = (v.dot(a) + w.dot(alpha) + floor * floor_rate) / speed
     return along_at(planned, speed, bend)
@@ -303,18 +303,18 @@ def at_rest(point: GridPoint, F: float) -> bool:
 
 @part
 def left_for_motion(F: float, weight: float, reserve: float) -> float:
-    """Return the load that a motion may use: F less a share of what the weight leaves of it; all in N."""
+    """Return the load that a motion may use: F minus a fraction of what remains after the weight; all in N."""
     return F - reserve * max(F - weight, 0.0)
 
 
 @part
 def backward_pass(points: Records[GridPoint], F: float, reserve: float) -> None:
-    """Write K of every point before the last, 0 where friction does not carry the weight.
+    """Write K of every point before the last, 0 if friction does not carry the weight.
 
     Args:
         points: of a path or of a stream; K of the last is known.
         F: load that may be used [N].
-        reserve: share of what the weight leaves of it that is not used.
+        reserve: unused fraction of what remains after the weight.
     """
     last = len(points) - 1
     for k in range(last):

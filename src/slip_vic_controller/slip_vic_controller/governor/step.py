@@ -1,7 +1,7 @@
 """The step on the path: an ordered list of named intervals of sddot, of which the largest common value is taken.
 
-Each limit is one function that returns an interval. They apply in the order of `Limit`. One that has nothing in common
-with what those before it leave is not met: the value nearest to it is taken, and the first such limit is published.
+Each limit is one function that returns an interval. They apply in the order of `Limit`. A limit without a common value
+with those before it is not met: the nearest value is used, and the first such limit is published.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from typing import Final, NamedTuple
 from slip_core.compiled import part
 from slip_core.vectors import Mat, Spatial, Vec
 from slip_vic_controller.contact.friction_estimate import Friction
-from slip_vic_controller.governor.layouts import Governor, GovernorConfig
+from slip_vic_controller.governor.layouts import LENGTH, PATH_MARGIN, Governor, GovernorConfig
 from slip_vic_controller.governor.load import Held, drawn, size, turning, weight
 from slip_vic_controller.governor.plan import Along, Governing, left_for_motion, range_of_u
 
 MORE_THAN_WEIGHT: Final = 1.0 + 1e-6
-"""Of what the weight alone needs: with that the path can be followed, as slowly as need be."""
+"""Of what the weight alone needs: enough to follow the path slowly."""
 OVER: Final = 1.1
 """sdot^2 over K beyond which an overrun is reported, ..."""
 SLOWEST: Final = 2e-2
@@ -27,7 +27,7 @@ SLOWEST: Final = 2e-2
 
 @unique
 class Limit(IntEnum):
-    """What limits sddot, in the order in which it applies."""
+    """Limits of sddot, in the order in which they apply."""
 
     NONE = 0
     PATH = 1
@@ -38,7 +38,7 @@ class Limit(IntEnum):
 
 
 class Interval(NamedTuple):
-    """Values of sddot; met: whether there are any, else both are the nearest."""
+    """Admissible values of sddot; met: whether there are any, else both are the nearest one."""
 
     low: float
     high: float
@@ -55,7 +55,7 @@ class Pad(NamedTuple):
 
 
 class Bounds(NamedTuple):
-    """What bounds a step: K here, K and its slope where the path will be; largest sdot that anything else admits.
+    """Bounds of a step: K here, K and its slope at the next point; largest sdot that other limits admit.
 
     most_led: largest sdot while a slipping object leads; first, last: between which values of s it may.
     """
@@ -98,13 +98,13 @@ def path_load(rate: float, held: Held, point: Along, pad: Pad) -> PathLoad:
 
 @part
 def at_most(high: float) -> Interval:
-    """Return the interval of all that is not larger."""
+    """Return the interval of all values that are not larger."""
     return Interval(-math.inf, high, True)
 
 
 @part
 def carried(per_u: Spatial, rest: Spatial, F: float) -> Interval:
-    """Return the sddot with |per_u u + rest| <= F [N]; where there is none, the one of least load."""
+    """Return the sddot with |per_u u + rest| <= F [N]; if there is none, the one with the least load."""
     uu, ub = per_u.dot(per_u), per_u.dot(rest)
     low, high, met = range_of_u(uu, ub, rest.dot(rest), F)
     if not met:
@@ -114,7 +114,7 @@ def carried(per_u: Spatial, rest: Spatial, F: float) -> Interval:
 
 @part
 def of_path(rate: float, speed_up: float, dt: float) -> Interval:
-    """The path is not followed backwards, nor faster where its bound is lower already: there the guard decides."""
+    """The path is not followed backwards, nor faster where sdot is above its bound already: there the guard decides."""
     return Interval(-rate / dt, max(speed_up, 0.0), True)
 
 
@@ -129,9 +129,9 @@ def of_reserve(config: GovernorConfig, state: Governor, load: PathLoad) -> Inter
 
 @part
 def of_catching_up(config: GovernorConfig, state: Governor, load: PathLoad) -> Interval:
-    """To catch up takes no more load than the path as planned, or what has been carried.
+    """Catching up uses no more load than the path as planned, or than has been carried.
 
-    Where the weight alone is more than that, it would not help.
+    If the weight alone is more than that, this limit does not apply.
     """
     certified = config.most_grip * state.contact.carried
     if config.mode != Governing.SLOW_DOWN or load.weight >= certified:
@@ -190,24 +190,24 @@ def step_on(
 
 @part
 def pace(config: GovernorConfig, point: Along) -> float:
-    """Return the square of the pad's speed over sdot, turning as a length."""
-    p, w = point.tangent.linear, config.length * point.tangent.angular
+    """Return the square of the pad's speed over sdot, with rotation as a length."""
+    p, w = point.tangent.linear, LENGTH * point.tangent.angular
     return p.dot(p) + w.dot(w)
 
 
 @part
 def carried_weight(config: GovernorConfig, state: Governor, F: float, weight_load: float) -> float:
-    """Return a load [N], at least what a weight alone needs [N], as far as friction carried that at first."""
-    needed = MORE_THAN_WEIGHT * weight_load / config.path_margin
+    """Return a load [N], at least what the weight needs [N], up to the friction at the start."""
+    needed = MORE_THAN_WEIGHT * weight_load / PATH_MARGIN
     return float(max(F, min(needed, config.margin * state.contact.first)))
 
 
 @part
 def with_weight(config: GovernorConfig, state: Governor, F: float) -> float:
-    """Return a load [N], at least what the weight alone needs on the path, where that is to be tried.
+    """Return a load [N], at least what the weight alone needs on the path if that is to be tried.
 
-    On the way there is nothing better than to continue slowly: a stop throws what hardly holds, and the weight is there
-    at rest too. With unknown friction what carries the weight can only be found by trying, up to the configured limit.
+    During the motion it is best to continue slowly: a stop may throw a weakly held object, and the weight acts at
+    rest too. With unknown friction the grip is tested by loading it, up to the configured limit.
     """
     if state.planned == 0 and config.friction.friction != Friction.UNKNOWN:
         return F

@@ -1,1 +1,1 @@
-"""The control law: gains, contact, object, attitude, impedance, torque; the formulas of the paper, once."""
+"""The control law: gains, contact, object, attitude, impedance, torque; each formula of the paper once."""

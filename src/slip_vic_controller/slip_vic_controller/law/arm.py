@@ -1,4 +1,4 @@
-"""The arm as the law sees it, and how it should move: pose, motion, Jacobian, inertia, torques at one joint state."""
+"""The arm in the law: pose, motion, Jacobian, inertia and torques at one joint state; and its desired motion."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def gather(
     qd: Array, placement: Array, R_joint: Array, p_joint: Array, v: Array, w: Array, a: Array, dw: Array,
     J_world: Array, nle: Array, gravity: Array, M: Array, arm: Array,
 ) -> None:  # fmt: skip
-    """Fill the record of an arm from what Pinocchio has computed; n joints.
+    """Fill the record of an arm from Pinocchio's results; n joints.
 
     Args:
         qd: joint velocity; (n,) [rad/s].

@@ -20,7 +20,7 @@ from slip_vic_controller.law.rotation import left_jacobian, left_jacobian_invers
 LOG_BRANCH_LIMIT: Final = 1.5 * math.pi
 """|e_o| [rad] up to which the logarithm stays on its branch, so that it does not chatter at pi."""
 LOG_REPORT: Final = math.pi - 0.2
-"""|e_o| [rad] from which the logarithm reports that it is near the half turn where it is not unique."""
+"""|e_o| [rad] above which the logarithm is reported as near pi, where it is not unique."""
 RPY_DAMPED_BELOW: Final = 0.1
 """|cos(pitch)| below which the inverse of E(phi) is damped (within 5.7 deg of gimbal lock)."""
 
@@ -34,7 +34,7 @@ class Coordinates(IntEnum):
 
 
 class AttitudeError(NamedTuple):
-    """The orientation error and what the law needs of it.
+    """The orientation error and its terms in the law.
 
     error e_o [rad]; rate edot_o [rad/s]; Theta [rad/s^2] {w}; axes: from those of the error's coordinates to {w};
     coordinates: LOG or RPY; near_singular: near a singularity of T_e or the logarithm, where a fallback is active.

@@ -16,7 +16,7 @@ from slip_vic_controller.sizes import BISECTIONS
 
 
 class Condition(NamedTuple):
-    """One condition: its name, the value, the limit it is compared with, the reason, and the parameter to change.
+    """One condition: name, value, limit, reason, and the parameter to change.
 
     upper: whether the limit is the largest value that holds, else the smallest.
     """
@@ -30,13 +30,19 @@ class Condition(NamedTuple):
 
     @property
     def margin(self) -> float:
-        """How many times better than needed; below 1 the condition does not hold."""
+        """Margin of the value to its limit, as a factor; below 1 the condition does not hold."""
         return self.limit / self.value if self.upper else self.value / self.limit
 
     @property
     def holds(self) -> bool:
         """Whether the condition is met."""
         return self.margin >= 1.0
+
+    @property
+    def line(self) -> str:
+        """What is compared, whether it holds, and why it has to."""
+        numbers = f"{self.value:.6g}, limit {self.limit:.6g}, margin {self.margin:.3g}"
+        return f"{self.name} {'holds' if self.holds else 'fails'}: {numbers}; {self.reason}"
 
 
 class GainReport(NamedTuple):
@@ -58,9 +64,9 @@ class GainReport(NamedTuple):
 def held_sample_limit(held: int, delay: int) -> float:
     """Return the largest stable k_s T for a sample every `held` ticks that is `delay` ticks old when it arrives.
 
-    From sample j to j + 1 the velocity loses k_s T times: the older sample for the first r ticks, then the newer one
-    for N - r, with delay = q N + r. So all roots of z^(q+1) (z - 1) + k_s T ((N - r) z + r) must lie inside |z| = 1.
-    The first root leaves the circle at the smallest angle theta at which both terms are opposite,
+    From sample j to j + 1 the velocity changes by -k_s T times the older sample for the first r ticks, then the newer
+    one for N - r, with delay = q N + r. So all roots of z^(q+1) (z - 1) + k_s T ((N - r) z + r) must lie inside the
+    unit circle. The first root leaves it at the smallest angle theta at which both terms are opposite,
 
         (q + 3/2) theta - arg((N - r) z + r) = pi / 2,   z = exp(i theta),
 
@@ -89,12 +95,12 @@ def held_sample_limit(held: int, delay: int) -> float:
 INTERNAL_BOUND = 0.38
 """Of kappa k tau^2 / M_D."""
 DRIVE_SHARE = 0.25
-"""Of that bound, on an arm with estimated joints: with the lag of its drives in tau two pads swing from 0.65 on."""
+"""Of that bound, with estimated joints: with the lag of the drives in tau, two pads oscillate from 0.65 on."""
 
 
 @kernel(REAL(REAL, REAL, REAL))
 def internal_gain_limit(inertia: float, stiffness: float, delay_s: float) -> float:
-    """Return the largest kappa with which giving way to the internal wrench does not swing, with a margin.
+    """Return the largest kappa with which yielding to the internal wrench does not oscillate, with a margin.
 
     An elastic pad pushed by its own force, late: kappa k tau^2 / M_D below 0.38; from 0.5 on our studies lose objects.
 
@@ -117,10 +123,10 @@ def delay_margin(stiffness: float, damping: float, inertia: float) -> float:
 
 
 def stiffness_limit(damping: float, inertia: float, delay_s: float) -> float:
-    """Return the K [N/m, N m/rad] whose `delay_margin` is a delay [s]; 0 where the damping alone swings.
+    """Return the K [N/m, N m/rad] whose `delay_margin` is a delay [s]; 0 where the damping alone is unstable.
 
-    More stiffness moves the crossover up and takes phase away: the margin falls with K, and K < D / T, where no phase
-    is left at small crossovers, bounds it from above.
+    More stiffness raises the crossover and reduces the phase: the margin falls with K, and K < D / T, where no phase is
+    left at small crossovers, bounds it from above.
     """
     low, high = 0.0, damping / delay_s
     for _ in range(BISECTIONS):
@@ -130,13 +136,14 @@ def stiffness_limit(damping: float, inertia: float, delay_s: float) -> float:
 
 
 def judge_stiffness(stiffness: Array, damping: Array, inertia: Array, delay_s: float) -> tuple[Condition, ...]:
-    """Judge the stiffness of each axis by what a delay admits; diagonals (6,) [N/m, N m/rad, ...], delay [s]."""
+    """Compare the stiffness of each axis with the limit that a delay sets; diagonals (6,) [N/m, N m/rad, ...], delay
+    [s]."""
     found = []
     for axis, K, D, M in zip(AXES, stiffness, damping, inertia, strict=True):
         limit = stiffness_limit(D, M, delay_s)
         reason = (
-            f"with {1e3 * delay_s:.3g} ms from a measurement to the motion that it causes the impedance swings from "
-            f"there on about axis {axis}; more damping admits more"
+            f"with {1e3 * delay_s:.3g} ms from a measurement to the motion that it causes, the impedance oscillates "
+            f"above this stiffness on axis {axis}; more damping admits more"
         )
         found.append(Condition(f"K_D {axis}", K, limit, reason, "gains.stiffness"))
     return tuple(found)
@@ -160,8 +167,8 @@ def _ticks(time_s: float, period_s: float) -> int:
 def judge_gains(damping: Array, k_s: float) -> tuple[Condition, ...]:
     """Judge damping (6,) [N s/m, N m s/rad] and k_s [1/s] by the propositions of the paper.
 
-    Proposition k needs a lambda_k with 1/value < lambda_k < 1, and Proposition 3 lambda_1 lambda_2 < 1: all are there
-    where both values are above 1.
+    Proposition k needs a lambda_k with 1/value < lambda_k < 1, and Proposition 3 lambda_1 lambda_2 < 1: all exist if
+    both values are above 1.
     """
     reason = "Prop. {0}: {1} > 1/lambda_{0} needs a lambda_{0} below 1"
     return (
@@ -174,7 +181,7 @@ def judge_gains(damping: Array, k_s: float) -> tuple[Condition, ...]:
 
 
 def check(conditions: Iterable[Condition]) -> None:
-    """Raise the first condition that does not hold as an InputError, with the parameter that it is about."""
+    """Raise an InputError for the first condition that does not hold, with its parameter."""
     for condition in conditions:
         if not condition.holds:
             raise InputError(

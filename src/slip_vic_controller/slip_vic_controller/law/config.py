@@ -1,4 +1,4 @@
-"""What the law takes as configured: contacts, null space, singularity policy, limits."""
+"""The configuration of the law: contacts, null space, singularity policy, limits."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ class LawConfig(Record):
 
 
 NULLSPACE_RATE = 10.0
-"""Rate of the null space behind drives with loops of their own [1/s]."""
+"""Rate of the null space for velocity and position drives [1/s]."""
 YIELDS_M = 0.5
-"""Distance from the reference within which the impedance fades [m]: further than an object that friction brakes slowly
-takes the arm along, since the impedance of such a distance tears the pad off."""
+"""Distance from the reference over which the impedance fades [m]: larger than the distance over which a slowly braking
+object pulls the arm, since the impedance at that distance would tear the pad off."""
 
 LAW_CONFIG = dtype_of(LawConfig)
 

@@ -29,9 +29,6 @@ class Contact(Record):
     slip_axes: Vec6  # directions on pad axes in which it can slip, 0 or 1 each
 
 
-CONTACT = dtype_of(Contact)
-
-
 class ContactSample(Record):
     """What is known at one contact, on the axes of its pad."""
 
@@ -53,7 +50,7 @@ SLIP_SAMPLE = dtype_of(StampedSlip)
 
 
 def fill_contacts(params: ContactParams, contacts: Records[Contact]) -> int:
-    """Write the contacts of the parameters to an array of CONTACT; the first is the own arm's; return how many.
+    """Write the configured contacts to an array of CONTACT, the own arm's first; return their number.
 
     Raises:
         InputError: more contacts than MAX_CONTACTS.

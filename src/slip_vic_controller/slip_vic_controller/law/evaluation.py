@@ -12,7 +12,6 @@ class Evaluation(Record):
     ok: Whole  # every number is finite and every factor exists, else nothing here may be used
     near_singular_arm: Whole  # 1 while a fallback is active
     near_singular_attitude: Whole
-    saturated_joints: Whole  # how many
     gate: Real  # slip activation, in [0, 1]
     damping_squared: Real  # 1/kg; what was added to J B^-1 J^T
     error_linear: Real  # m; |e|, linear part

@@ -1,9 +1,9 @@
-"""What we add to the printed law, each with its reason; with printed settings each of them changes nothing.
+"""Extensions of the printed law, each with its reason; with printed settings none has an effect.
 
 `authority`, `fade_with_gate` and `judge_compensation` are one mechanism, bounded authority: where joint state or slip
-are estimates, noise and delay can hold the gate open although nothing slips, and an open gate hands the arm's own
-acceleration back to it. So the compensation takes over from the impedance instead of adding to it, fades with the
-distance from the reference, and is switched off where slip does not end.
+are estimates, noise and delay can keep the gate open without slip, and an open gate feeds the arm's own acceleration
+back. So the compensation replaces the impedance instead of adding to it, fades with the distance from the reference,
+and is switched off if slip does not end.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import math
 from typing import Final
 
 from slip_core.compiled import part
-from slip_core.records import Real, Record, dtype_of
+from slip_core.records import Real, Record
 from slip_core.vectors import Mat, Spatial
 from slip_vic_controller.law.gains import Gains
 from slip_vic_controller.law.paper import slip_activation
@@ -20,7 +20,7 @@ from slip_vic_controller.law.paper import slip_activation
 
 @part
 def slip_speed(gains: Gains, v_s: Spatial) -> float:
-    """Return the size of a slip velocity [m/s], turning by its characteristic length l, which is 1 m as printed.
+    """Return the norm of a slip velocity [m/s], angular part times the characteristic length l (printed law: 1 m).
 
     Reason: metres and radians per second are not comparable; a pad that turns by a few mrad/s opens the printed gate.
 
@@ -35,8 +35,8 @@ def slip_speed(gains: Gains, v_s: Spatial) -> float:
 def limit_spin(limit: float, motion: Spatial) -> Spatial:
     """Return an acceleration with its angular part shortened to `limit` [rad/s^2].
 
-    Reason: the printed law follows the object's spin wherever it goes. With an angular stiffness that does not fade,
-    K_o e_o = M_o limit bounds how far the attitude gives way.
+    Reason: the printed law follows the object's spin without bound. With an angular stiffness that does not fade, K_o
+    e_o = M_o limit bounds the attitude error.
 
     Implements: ours: |angular part| <= limit.
     """
@@ -48,9 +48,9 @@ def limit_spin(limit: float, motion: Spatial) -> Spatial:
 
 @part
 def authority(yields: float, error: float) -> float:
-    """Return the share of the compensation that is left where the pad is `error` off its reference [m]; 0 at `yields`.
+    """Return the fraction of the compensation that remains at a distance `error` [m] from the reference; 0 at `yields`.
 
-    Reason: far off the reference arm and object would drift on together, whether the slip is real or noise.
+    Reason: far from the reference, arm and object would keep drifting together, whether the slip is real or noise.
 
     Implements: ours: 1 - (error / yields)^2.
     """
@@ -60,7 +60,7 @@ def authority(yields: float, error: float) -> float:
 
 @part
 def fade_with_gate(R_ee: Mat, slip_axes: Spatial, gate: float, motion: Spatial) -> Spatial:
-    """Return the part of a_d + Z {w} that an open gate takes away on the slip axes of the pad [m/s^2, rad/s^2].
+    """Return the part of a_d + Z {w} that an open gate removes on the slip axes of the pad [m/s^2, rad/s^2].
 
     Reason: with the gate open a slip of this acceleration over k_s remains, and delays bound k_s. Theta fades so in the
     printed law.
@@ -73,14 +73,14 @@ def fade_with_gate(R_ee: Mat, slip_axes: Spatial, gate: float, motion: Spatial) 
 OPEN: Final = 0.1
 """Slip activation from which the compensation counts as active."""
 FALLS_M_S: Final = 0.01
-"""Speed at which the object falls and the compensation with it [m/s]: behind drives that are not known exactly a faster
-fall is not caught any more."""
+"""Falling speed of the object from which the compensation is given up [m/s]: with inexactly known drives a faster fall
+cannot be caught."""
 FASTEST_M_S: Final = 0.08
-"""Slip that the compensation does not end [m/s]: where it is as fast for FAST_S, arm and object swing against each
-other. An estimate that begins with a wrong model is as fast for some cycles."""
+"""Slip that the compensation does not end [m/s]: if it is as fast for FAST_S, arm and object oscillate against each
+other. An estimate that starts from a wrong model is as fast for some cycles."""
 FAST_S: Final = 0.01
 CALM_S: Final = 0.15
-"""How long the gate must have been shut before the compensation is resumed [s]."""
+"""How long the gate must have been closed before the compensation is resumed [s]."""
 
 
 class CompensationState(Record):
@@ -90,16 +90,13 @@ class CompensationState(Record):
     fast_s: Real  # s; for how long the slip has been faster than it may be
 
 
-GIVEN_UP = dtype_of(CompensationState)
-
-
 @part
 def judge_compensation(state: CompensationState, gains: Gains, v_s: Spatial, fall: float, dt: float) -> None:
-    """Give the compensation up or resume it, and switch it off in the gains while it is given up.
+    """Give up or resume the compensation; while it is given up, it is off in the gains.
 
-    Reason: the law promises that slip decays at the rate k_s once the gate is open. Where the object falls or slips
-    fast all the same, the model is wrong, there is no slip, or friction cannot carry the object. Then the impedance
-    works alone until slip has been insignificant for a while.
+    Reason: with an open gate slip should decay at the rate k_s. If the object falls or slips fast nevertheless, the
+    model is wrong, there is no slip, or friction cannot carry the object. Then only the impedance is active until slip
+    has been insignificant for a while.
 
     Args:
         state: changed.

@@ -1,4 +1,4 @@
-"""Gains and payload: the numbers that the law works with, made from parameters, and how they change at run time.
+"""Gains and payload of the law, from the parameters, and how they change at run time.
 
 A change is a ramp, slow enough to stay stable. The argument is that of variable impedance with the Lyapunov function
 V = 1/2 |e_dot + a e|^2 + 1/2 e^T (k + a d - a^2) e per axis, where k = K/M, d = D/M and 0 < a <= d: along
@@ -10,23 +10,28 @@ positive value at any time.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from slip_core.arrays import Array, inertia_from_six, vector
 from slip_core.compiled import IN1, INT, OUT1, VOID, kernel, part
 from slip_core.records import Mat3, Real, Record, Vec3, Vec6, Whole, dtype_of, new, record
-from slip_vic_controller.law.bounds import GainReport, check, judge_gains, judge_stiffness, slip_gain_limit
+from slip_core.stamps import seconds_to_ns
+from slip_vic_controller.law.bounds import Condition, GainReport, check, judge_gains, judge_stiffness, slip_gain_limit
 from slip_vic_controller.params.controller_params import ControllerParams
 
 UNKNOWN_LAG = 0.3
-"""Uncertain share of the configured lag of drives, which stays in the slip loop where slip is predicted: the object's
-motion is predicted over the rest, since a pad that runs ahead slips the other way."""
+"""Uncertain fraction of the configured lag of drives, which remains in the slip loop if slip is predicted: the object's
+motion is predicted over the rest, since a pad that runs ahead slips in the opposite direction."""
 
 
+WRIST_SHARE = 0.1
+"""Share of the object's inertia below which that of a joint is too small to be all there is: a URDF leaves out its
+rotor."""
 LEAST_DELAY_S = 0.004
-"""Time from an effort to the motion of a real arm, where less is configured [s]: four control periods at 1 kHz, for the
-way to the drives, their own loop, and the unconfigured part of both."""
+"""Least time assumed from an effort to the motion of a real arm [s]: four control periods at 1 kHz, for the way to the
+drives, their own loop, and the unconfigured part of both."""
 
 
 class Gains(Record):
@@ -44,10 +49,7 @@ class Gains(Record):
     k_s: Real  # 1/s
     characteristic_length: Real  # m; makes turning a slip speed in the slip activation, printed: 1
     spin_limit: Real  # rad/s^2; most that the compensation may turn, printed: infinite
-    kappa: Real  # share of the internal wrench that the pad gives way to, printed: 0
-
-
-GAINS = dtype_of(Gains)
+    kappa: Real  # share of the internal wrench to which the pad yields, printed: 0
 
 
 class ObjectModel(Record):
@@ -56,9 +58,6 @@ class ObjectModel(Record):
     mass: Real  # kg
     inertia: Mat3  # kg m2 {o}; about the centre of mass
     gravity: Vec3  # m/s^2 {w}
-
-
-OBJECT = dtype_of(ObjectModel)
 
 
 class LawGains(Record):
@@ -88,8 +87,7 @@ def make_law_gains(params: ControllerParams, k_s: float) -> Array:
     """Return LAW_GAINS of the parameters, with the k_s [1/s] that `gain_report` found.
 
     Classical impedance control has slip activation and fading off. With spin bounded, the angular stiffness does not
-    fade, and the compensation turns no faster than the stiffness of the softest axis that can slip takes back at
-    `spin_excursion`.
+    fade, and the compensation turns the pad no faster than the softest slip axis can turn it back at `spin_excursion`.
 
     Raises:
         InputError: an inertia that no body can have.
@@ -115,7 +113,7 @@ def make_law_gains(params: ControllerParams, k_s: float) -> Array:
 
 
 def slow_down(gains: Gains, fastest: float) -> None:
-    """Make the impedance as slow as drives can follow: D/M at most `fastest` [1/s], K so that the damping ratio stays.
+    """Slow the impedance to what drives can follow: D/M at most `fastest` [1/s], K with the same damping ratio.
 
     Implements: ours: M s^2 + D s + K in slow motion, axis by axis.
     """
@@ -127,12 +125,12 @@ def slow_down(gains: Gains, fastest: float) -> None:
 def gain_report(params: ControllerParams, *, refuse: bool = True) -> GainReport:
     """Return the verdict on the gains of the configured slip loop, with the delays of slip sensor and drives.
 
-    An observer takes those of the sensor out, and the prediction of the slip those of the drives, as far as known. The
-    stiffness in effect is judged with a period and the delay that the prediction of the joints leaves.
+    An observer compensates the sensor's delays, and the prediction of slip the known part of the drives'. The stiffness
+    in effect is judged with one period and the delay that remains after the prediction of the joints.
 
     Raises:
-        InputError: an inertia that no body can have; where `refuse`, damping or a k_s for which a proposition has no
-            lambda, or a stiffness that the delays do not admit.
+        InputError: an inertia that no body can have; if `refuse`, damping or a k_s for which a proposition has no
+        lambda, or a stiffness that the delays do not admit.
     """
     direct, unknown = params.slip_estimator == "measured", UNKNOWN_LAG if params.foresees_slip else 1.0
     real = params.estimates_joints and params.bounded_authority
@@ -143,12 +141,27 @@ def gain_report(params: ControllerParams, *, refuse: bool = True) -> GainReport:
     made = make_law_gains(params, used)
     propositions = judge_gains(np.array(params.gains.damping), used)
     gains: Gains = record(made, LAW_GAINS).gains
-    known_s = params.drive_lag_s + params.joint_sensor.latency_s + params.joint_sensor.filter_s
-    late_s = max(UNKNOWN_LAG * known_s, LEAST_DELAY_S) if params.estimates_joints else 0.0
+    late_s = max(UNKNOWN_LAG * params.known_lag_s, LEAST_DELAY_S) if params.estimates_joints else 0.0
     stiff = judge_stiffness(gains.K_D, gains.D_D, gains.M_D, params.control_period_s + late_s)
     if refuse:
         check(stiff if params.controller == "classical" else (*propositions, *stiff))  # it has no slip loop
     return GainReport(params.gains.k_s, used, accepted, (*propositions, *stiff), made)
+
+
+def judge_inertia(params: ControllerParams, joint_names: Sequence[str], inertia: Array) -> Condition:
+    """Judge the inertia that the lightest joint moves, as seen from M_D; inertia (n,) [kg m2], as `Robot` has it.
+
+    The law cancels what is there to put M_D in its place: of next to nothing every error of a torque is a large
+    acceleration.
+    """
+    light, most = int(inertia.argmin()), max(params.gains.inertia[3:])
+    least = WRIST_SHARE * min(params.object.inertia[:3])
+    reason = (
+        f"{joint_names[light]} moves {inertia[light]:.2g} kg m2 beside the object's {least / WRIST_SHARE:.2g}; a "
+        "URDF leaves out rotors, which drive.armature adds"
+    )
+    name = f"M_D over the inertia of {joint_names[light]}"
+    return Condition(name, most / max(float(inertia[light]), 1e-12), most / least, reason, "drive.armature")
 
 
 def make_ramp(start: Array, target: Array, begin_ns: int, least_s: float) -> Array:
@@ -157,7 +170,7 @@ def make_ramp(start: Array, target: Array, begin_ns: int, least_s: float) -> Arr
     ramp: Ramp = record(buffer, RAMP)
     ramp.start, ramp.target = record(start, LAW_GAINS), record(target, LAW_GAINS)
     ramp.begin_ns = begin_ns
-    ramp.duration_ns = round(1e9 * max(least_s, ramp_time(start, target)))
+    ramp.duration_ns = seconds_to_ns(max(least_s, ramp_time(start, target)))
     return buffer
 
 
@@ -179,10 +192,10 @@ def gains_at(ramp: Ramp, stamp_ns: int, out: LawGains) -> None:
 
     Gains and mass change geometrically, what may be zero or signed linearly, gravity at once.
     """
-    if stamp_ns >= ramp.begin_ns + ramp.duration_ns:
-        copy_gains(ramp.target, out)
-    elif stamp_ns <= ramp.begin_ns:
-        copy_gains(ramp.start, out)
+    over = stamp_ns >= ramp.begin_ns + ramp.duration_ns
+    if over or stamp_ns <= ramp.begin_ns:
+        end = ramp.target if over else ramp.start
+        out.gains, out.object, out.contact_position[:] = end.gains, end.object, end.contact_position
     else:
         share = (stamp_ns - ramp.begin_ns) / ramp.duration_ns
         start, target, gains = ramp.start.gains, ramp.target.gains, out.gains
@@ -215,13 +228,6 @@ def _geometric(a: float, b: float, share: float) -> float:
 @part
 def _linear(a: float, b: float, share: float) -> float:
     return a + share * (b - a)
-
-
-@part
-def copy_gains(given: LawGains, out: LawGains) -> None:
-    """Write one LawGains to another."""
-    out.gains, out.object = given.gains, given.object
-    out.contact_position[:] = given.contact_position
 
 
 @kernel(VOID(IN1, INT, OUT1))

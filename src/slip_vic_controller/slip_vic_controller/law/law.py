@@ -8,9 +8,8 @@ A cycle calls, in this order (all arguments are records, `samples` and `slips` a
     evaluate(config, arm, q, qd, posture, e_previous, given)
 
 with `given` a record that holds `gains`, `samples`, `slips` of this cycle, `reference`, `follow_error` (6,) {ee}, which
-an observer adds to G^T a_o (zeros without), and `law`, the Evaluation to fill;
-`samples[0].slip_twist` is the slip velocity that the law uses, measured or estimated. Nothing here knows of
-sensors, time or modes.
+an observer adds to G^T a_o (zeros without), and `law`, the Evaluation to fill; `samples[0].slip_twist` is the slip
+velocity that the law uses, measured or estimated. Nothing here depends on sensors, time or modes.
 """
 
 from __future__ import annotations
@@ -29,14 +28,13 @@ from slip_vic_controller.law.contact import G_T, ContactSample, Phi2, slip_veloc
 from slip_vic_controller.law.evaluation import Evaluation
 from slip_vic_controller.law.extensions import authority, fade_with_gate, limit_spin, slip_speed
 from slip_vic_controller.law.gains import LawGains
-from slip_vic_controller.law.internal import give_way, internal_wrench
-from slip_vic_controller.law.object import object_motion
+from slip_vic_controller.law.object import internal_wrench, internal_yielding, object_motion
 from slip_vic_controller.law.paper import compensation, control_acceleration, faded, impedance, slip_activation
 from slip_vic_controller.law.torque import joint_torque
 
 
 class Given(Protocol):
-    """What an evaluation is made of, and `law`, where it goes; see the module.
+    """The inputs of an evaluation, and `law`, its result; see the module.
 
     follow_error (6,) [m/s^2, rad/s^2] is on {ee}.
     """
@@ -60,7 +58,7 @@ def control_law(config: LawConfig, arm: Arm, e_previous: Array, given: Given) ->
         e_previous: orientation error one cycle earlier; (3,) [rad].
         given: gains, samples, slips, reference, follow_error; and the evaluation.
 
-    Ours: the mask of slip axes, the bound on spin, authority (with `yields`), and of several contacts giving way to the
+    Ours: the mask of slip axes, the bound on spin, authority (with `yields`), and with several contacts yielding to the
     internal wrench, which the torque would cancel.
 
     Implements: Eq. (23), (28), (29), with a_d of Eq. (23) outside of the gate.
@@ -114,7 +112,7 @@ def control_law(config: LawConfig, arm: Arm, e_previous: Array, given: Given) ->
         a_C = a_C - fade_with_gate(R_ee, slip_axes, out.gate, a_d + Z)
     h_int = internal_wrench(config, gains, samples, slips, o)
     if gains.gains.kappa != 0.0:
-        a_C = a_C + give_way(gains.gains, R_ee @ h_int)
+        a_C = a_C + internal_yielding(gains.gains, R_ee @ h_int)
     put_spatial(out.comp, comp)
     put_spatial(out.gated, gated)
     put_spatial(out.h_int, h_int)
@@ -163,12 +161,10 @@ def scale_acceleration(
 @part
 def clip_effort(config: LawConfig, out: Evaluation) -> bool:
     """Write the effort inside the limits, and which joints are beyond; return whether every torque is finite."""
-    out.saturated_joints = 0
     finite = True
     for j in range(config.joints):
         tau, limit = out.tau[j], config.effort_limit[j]
         out.saturated[j] = abs(tau) > limit
-        out.saturated_joints += out.saturated[j]
         out.effort[j] = min(max(tau, -limit), limit)
         finite = finite and abs(tau) <= LARGEST
     return finite
@@ -194,7 +190,7 @@ def predict_motion(
     config: LawConfig, gains: LawGains, arm: Arm, samples: Records[ContactSample], slips: Records[Pose],
     slip_twist: Array, motion: Any,
 ) -> bool:  # fmt: skip
-    """Write what an observer takes of the object's motion; return whether every sample is finite.
+    """Write the object's motion for an observer; return whether every sample is finite.
 
     Args:
         config: what does not change.

@@ -1,8 +1,8 @@
 """The law of the paper, Eq. (21) to (30), as printed: one function for each equation that a cycle evaluates.
 
-Names and signs are those of docs/equations.md, which has the few places where the printed text is not consistent.
-Eq. (22) and (25) are what these make of the arm, (26) and (27) steps of the proof; the orientation error of Eq. (23) is
-in attitude.py. What is ours is in extensions.py. Vectors are {w} unless stated otherwise, linear part first.
+Names and signs are those of docs/equations.md, which has the few places where the printed text is not consistent. Eq.
+(22) and (25) are the arm's response to these, (26) and (27) steps of the proof; the orientation error of Eq. (23) is in
+attitude.py. Our extensions are in extensions.py. Vectors are {w} unless stated otherwise, linear part first.
 """
 
 from __future__ import annotations

@@ -23,18 +23,6 @@ from slip_vic_controller.law.torque import given_axes, smallest_singular_value
 from slip_vic_controller.sizes import Joints
 
 
-class SlipEstimate(Record):
-    """What an observer publishes; zeros without one."""
-
-    sliding: Real  # 1 while it slides
-    significance: Real  # normalised innovation squared
-    deviation: Vec6  # m/s, rad/s {ee}; standard deviation of the slip velocity
-    error: Vec6  # m/s^2, rad/s^2 {ee}; error of the object's acceleration that it has found
-
-
-SLIP_ESTIMATE = dtype_of(SlipEstimate)
-
-
 class Symbols(Record):
     """The published numbers, NaN where the law was not evaluated; the name on the topic is the field's.
 
@@ -53,8 +41,7 @@ class Symbols(Record):
     sigma_min: Real  # smallest singular value of J
     damping_squared: Real  # 1/kg
     k_s: Real  # 1/s
-    sliding: Real
-    slip_significance: Real
+    sliding: Real  # 1 while the observer finds slip
     position: Vec6  # pose of the pad
     desired: Vec6  # pose of the reference
     s: Vec6  # pose of the pad on the object
@@ -75,8 +62,6 @@ class Symbols(Record):
     v_o: Vec6
     a_o: Vec6
     Phi2: Vec6
-    slip_deviation: Vec6
-    slip_error: Vec6
     tau_task: Joints  # N m
     tau_null: Joints  # N m
     tau_bias: Joints  # N m
@@ -103,14 +88,14 @@ def published(joints: int) -> tuple[tuple[str, ...], Array]:
 @part
 def symbols(
     config: LawConfig, gains: LawGains, arm: Arm, slips: Records[Pose], reference: DesiredMotion,
-    evaluation: Evaluation, estimate: SlipEstimate, out: Symbols,
+    evaluation: Evaluation, sliding: float, out: Symbols,
 ) -> None:  # fmt: skip
     """Fill the symbols of a law that was evaluated; their flag `safe` is 0.
 
     Args:
         config, gains, arm, slips, reference: of the evaluation.
         evaluation: filled by `evaluate`.
-        estimate: of the observer, zeros without one.
+        sliding: 1 while the observer finds slip, 0 without one.
         out: result.
 
     Implements: Eq. (24), (28), (30), with Lambda = M_D T_e^-1 gate comp.
@@ -126,7 +111,7 @@ def symbols(
     given_axes(arm.J[:, :n], config.sigma_min, given)
     out.sigma_min = smallest_singular_value(arm.J[:, :n], given, math.inf)
     out.damping_squared = v.damping_squared
-    out.k_s, out.sliding, out.slip_significance = gains.gains.k_s, estimate.sliding, estimate.significance
+    out.k_s, out.sliding = gains.gains.k_s, sliding
     put_pose(out.position, vec(arm.position), R_ee)
     put_pose(out.desired, vec(reference.position), R_d)
     put_pose(out.s, vec(slips[0].position), mat(slips[0].rotation))
@@ -140,7 +125,6 @@ def symbols(
     out.twist[:], out.h_ee[:] = arm.twist, v.h_ee
     out.e[:], out.e_dot[:], out.K[:], out.D[:] = v.e, v.e_dot, v.K, v.D
     out.Theta[:], out.Z[:], out.a_d[:], out.a_C[:] = v.Theta, v.Z, v.a_d, v.a_C
-    out.slip_deviation[:], out.slip_error[:] = estimate.deviation, estimate.error
     out.tau_bias[:], force = arm.bias, v.task - v.h_ee
     for j in range(n):
         out.effort[j], out.saturated[j] = v.effort[j], v.saturated[j]

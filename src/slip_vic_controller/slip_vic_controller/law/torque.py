@@ -2,8 +2,8 @@
 
 B_x = (J B^-1 J^T)^-1 and the dynamically consistent N are never formed: two Cholesky factors by loops.
 
-An arm with fewer than six joints gives fewer than six directions of the pad: the law commands those of `given_axes`,
-and the others follow from them.
+An arm with fewer than six joints cannot move the pad in all directions: the law commands those of `given_axes`, and the
+others follow from them.
 """
 
 from __future__ import annotations
@@ -93,10 +93,11 @@ def joint_torque(
 
 @part
 def posture_torque_by_rate(rate: float, J: Array, M: Array, q: Array, qd: Array, posture: Array, tau_0: Array) -> None:
-    """Write the torque (n,) [N m] that pulls to a posture at a rate [1/s], however large the inertia is.
+    """Write the torque (n,) [N m] that pulls to a posture at a rate [1/s], independent of the inertia.
 
-    Stiffness -k (q - q_0) rests where the way to q_0 has no part along the null space of J. So that the arm rests in
-    the same posture, only that part P (q - q_0) pulls. Weighted with M instead, the wrist would move and the base stay.
+    A stiffness -k (q - q_0) comes to rest where q_0 - q has no component in the null space of J. So that the arm rests
+    in the same posture, only that component P (q - q_0) pulls. Weighted with M instead, the wrist would move and the
+    base stay.
 
     Args:
         rate: rate [1/s]; J: Jacobian (6, n) {w}; M: inertia (n, n) [kg m^2].
@@ -155,7 +156,7 @@ def gram(Y: Array, S: Array) -> None:
 
 @part
 def given_axes(J: Array, least: float, given: WholeArray) -> None:
-    """Write which directions of the pad an arm gives, 0 or 1 (6,): all, where it has six joints or more.
+    """Write the directions in which an arm can move the pad, 0 or 1 (6,): all, with six joints or more.
 
     Else x, y, z, then each rotation whose row of the Jacobian is at least `least` long beside those before it.
 
@@ -180,7 +181,7 @@ def given_axes(J: Array, least: float, given: WholeArray) -> None:
 
 @part
 def leave_out(given: WholeArray, S: Array) -> None:
-    """Take the axes that an arm does not give out of a symmetric matrix (6, 6), for which they count as x does."""
+    """Remove the axes that an arm cannot move from a symmetric matrix (6, 6); their diagonal is that of x."""
     for i in range(6):
         if given[i] == 0:
             S[i, :], S[:, i] = 0.0, 0.0

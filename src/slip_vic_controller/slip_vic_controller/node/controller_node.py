@@ -18,41 +18,36 @@ from rclpy.clock import Clock, ClockType
 from rclpy.experimental import EventsExecutor
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
-from slip_core.arms import by_arm, shared
+from slip_core.arms import by_arm
 from slip_core.errors import SlipVicError
 from slip_core.files.urdf import on_base
 from slip_core.files.urdf_file import arm_urdf
-from slip_msgs_py.endpoint_matching import Waiting, missing_endpoints
-from slip_msgs_py.events import emit
+from slip_msgs_py.environment import emit
 from slip_msgs_py.executor import Spinner
 from slip_msgs_py.fast_io import Refusals, create_receiver
 from slip_msgs_py.messages import to_msgs
-from slip_msgs_py.node_shell import Failures, GuardedNode, fails_loudly
-from slip_msgs_py.qos import create_publisher
-from slip_msgs_py.realtime import set_up_process
+from slip_msgs_py.node_shell import GuardedNode, set_up_process
+from slip_msgs_py.qos import SAID_AGAIN_S, create_publisher, missing_endpoints
 from slip_msgs_py.ros_params import OWN_TIME, allow_changes, declare_arms
+from slip_vic_controller.config.controller import Controller
 from slip_vic_controller.node.arm_topics import LOOK_S, STATE_DEPTH, ArmTopics
 from slip_vic_controller.node.task_topics import TaskTopics
-from slip_vic_controller.params.node_params import ControllerNodeParams
-from slip_vic_controller.session.controller import Controller
-from slip_vic_controller.session.manifest import Manifest
-from slip_vic_controller.session.session import ControllerSession, Results
+from slip_vic_controller.params.controller_params import ControllerParams
+from slip_vic_controller.session.session import ControllerSession, Manifest, Results
 
 WATCHDOG_S = 0.01
 LINGER_S = 0.2  # for the answer of the transition that ends the process to reach who asked
-COMMON = ("mode", "auto_activate", "expected_subscribers")
 _Transition = Callable[[Any, LifecycleState], TransitionCallbackReturn]
 
 
 def _transition(callback: _Transition) -> _Transition:
-    """Let a failure in a transition be seen: rclpy makes an ERROR of it and says nothing."""
+    """Report a failure in a transition: rclpy only converts it to ERROR, without a message."""
 
     @functools.wraps(callback)
     def run(self: SlipVicController, state: LifecycleState) -> TransitionCallbackReturn:
         try:
             return callback(self, state)
         except Exception as error:
-            self._failed_transition = error
             self.on_failure("a transition", error)
             return TransitionCallbackReturn.ERROR
 
@@ -65,15 +60,15 @@ class SlipVicController(GuardedNode, LifecycleNode):
     Unconfigured it has no topics; inactive it answers with empty commands, which let the arm hold itself.
     """
 
-    def __init__(self, executor: Any = None) -> None:
+    def __init__(self) -> None:
         super().__init__(
             "slip_vic_controller", automatically_declare_parameters_from_overrides=True, parameter_overrides=[*OWN_TIME]
         )
-        self.params: Any = declare_arms(self, ControllerNodeParams)
+        self.params: Any = declare_arms(self, ControllerParams)
         common = self._common
         self._lockstep = common.mode == "lockstep"
         self._refusals = Refusals(self.get_logger().error)
-        self._executor = executor or EventsExecutor()
+        self._executor = EventsExecutor()
         self._spinner = Spinner(self._executor)
         self._endpoints: list[tuple[Callable[[Any], Any], Any]] = []
         self._failure: SlipVicError | None = None
@@ -81,9 +76,6 @@ class SlipVicController(GuardedNode, LifecycleNode):
         """Says which of its endpoints are not matched; None while the node has none."""
         self._finished_at: float | None = None
         self._ready = False
-        self._waiting = Waiting(self.get_logger().info)
-        self._failures = Failures(self.get_logger().error)
-        self._failed_transition: Exception | None = None
         self._service_change_state.callback = self.guarded(
             "service change_state", self._guarded(self._service_change_state)
         )
@@ -98,9 +90,9 @@ class SlipVicController(GuardedNode, LifecycleNode):
         self._executor.add_node(self)
 
     @property
-    def _common(self) -> ControllerNodeParams:
-        """The parameters of the first arm, for what is equal in all."""
-        first: ControllerNodeParams = next(iter(by_arm(self.params).values()))
+    def _common(self) -> ControllerParams:
+        """The parameters of the first arm, for those that are equal in all."""
+        first: ControllerParams = next(iter(by_arm(self.params).values()))
         return first
 
     def _on_change(self, wanted: Any) -> None:
@@ -113,14 +105,14 @@ class SlipVicController(GuardedNode, LifecycleNode):
 
     def on_failure(self, what: str, error: Exception) -> None:
         """Go to FAULT, with a command from the last good joint state, and say once of each kind what failed."""
-        self._failures.add(what, error)
+        self.report_failure(what, error)
         if self._peers is None:
             return
         try:
             now_ns = time.monotonic_ns()
             self._publish(self.session.failed(now_ns), now_ns)
         except Exception as again:
-            self._failures.add("the last resort", again)
+            self.report_failure("the last resort", again)
 
     def _guarded(self, service: Any) -> Callable[[Any, Any], Any]:
         """Return rclpy's callback of `change_state`, answering False to what is no transition of the present state."""
@@ -146,7 +138,9 @@ class SlipVicController(GuardedNode, LifecycleNode):
     def on_configure(self, _state: LifecycleState) -> TransitionCallbackReturn:
         """Read the arms, make the law, and create topics and services."""
         try:
-            self.session = ControllerSession(make_controller(by_arm(self.params)))
+            params: Mapping[str, ControllerParams] = by_arm(self.params)
+            urdfs = {name: on_base(arm_urdf(of), of.base) for name, of in params.items()}
+            self.session = ControllerSession(Controller(params, urdfs, lockstep=self._lockstep))
         except SlipVicError as error:
             self._failure = error
             if not self._common.auto_activate:
@@ -155,7 +149,12 @@ class SlipVicController(GuardedNode, LifecycleNode):
         self._failure = None
         self.get_logger().info(f"configured in {self._common.mode}")
         if self._common.wrench.source == "none":
-            self.get_logger().warning("no wrench sensor (wrench.source: none): the load is the model's")
+            self.get_logger().warning("no wrench sensor (wrench.source: none): the load is modelled")
+        for name, arm in self.session.controller.arms.items():
+            if not arm.wrist.holds:
+                line = f"{name}: {arm.wrist.line}" if name else arm.wrist.line
+                self.get_logger().warning(line)
+                emit("warning", text=line)
         self.session.set_active(False)
         before = set(self._entities())
         try:
@@ -213,8 +212,8 @@ class SlipVicController(GuardedNode, LifecycleNode):
         if self._lockstep:
             inputs.append(
                 create_receiver(
-                    self, "lockstep_tick", ("data",), lambda _: Manifest.decode, self._on_tick, self._refusals,
-                    depth=STATE_DEPTH[True], reliable=True, stamp="",
+                    self, "lockstep_tick", Manifest.decode, self._on_tick, self._refusals,
+                    depth=STATE_DEPTH[True], reliable=True,
                 )
             )  # fmt: skip
         else:
@@ -262,19 +261,18 @@ class SlipVicController(GuardedNode, LifecycleNode):
         for arm, result in answered:
             arm.tell(result)
         if answered and self._task is not None:
-            self._task.publish(answered[0][1])
+            self._task.publish()
 
     def announce_when_ready(self) -> None:
         """Tell once that every peer is matched."""
         if self._ready or self._peers is None:
             return
         if missing := self._peers():
-            self._waiting.tell("; ".join(missing))
+            self.get_logger().info(f"waits: {'; '.join(missing)}", throttle_duration_sec=SAID_AGAIN_S)
             return
         set_up_process()
         self._ready = True
         self._pub_ready.publish(to_msgs.string("controller"))
-        emit("ready")
         self.get_logger().info("matched: every input has a publisher, and the efforts have a subscriber")
 
     def destroy_node(self) -> None:
@@ -287,8 +285,6 @@ class SlipVicController(GuardedNode, LifecycleNode):
         """Run until asked to stop."""
 
         def goes_on() -> bool:
-            if self._failed_transition is not None and fails_loudly():
-                raise self._failed_transition
             self.announce_when_ready()
             over = self._finished_at is not None and time.monotonic() - self._finished_at > LINGER_S
             return not should_stop() and not over
@@ -298,16 +294,5 @@ class SlipVicController(GuardedNode, LifecycleNode):
             return
         if self.session.active:
             self._say_no_command()
-        missed = sum(arm.report.missed for arm in self._arms)
+        missed = sum(arm.missed for arm in self._arms)
         emit("done", cycles=self.session.arms[0].cycles, missed=missed)
-
-
-def make_controller(params: Mapping[str, ControllerNodeParams]) -> Controller:
-    """Return the controller of arms, by their names, on their bases.
-
-    Raises:
-        InputError: parameters and URDFs that do not fit.
-    """
-    shared(params, COMMON, "one process controls all arms")
-    lockstep = next(iter(params.values())).mode == "lockstep"
-    return Controller(params, {name: on_base(arm_urdf(of), of.base) for name, of in params.items()}, lockstep=lockstep)

@@ -1,8 +1,8 @@
-"""Topics and services of what all arms do together: references, joint trajectories or goals in, answers out."""
+"""Topics and services of what all arms do together: references or goals in, answers out."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from std_srvs.srv import Trigger
 
@@ -11,22 +11,14 @@ from slip_msgs_py.fast_io import Refusals
 from slip_msgs_py.messages import from_msgs, to_msgs
 from slip_msgs_py.qos import create_publisher, create_subscription
 from slip_vic_controller.config.controller import governed_stream
-from slip_vic_controller.node.arm_topics import STATE_DEPTH
-from slip_vic_controller.node.report import GO_ON
-from slip_vic_controller.params.node_params import ControllerNodeParams
+from slip_vic_controller.node.arm_topics import GO_ON, STATE_DEPTH
+from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.path.goals import GoalPhase, Refusal
-from slip_vic_controller.safety.modes import Mode, Request
-from slip_vic_controller.session.cycle_result import CycleResult
+from slip_vic_controller.safety.conditions import Mode, Request
 from slip_vic_controller.session.session import ControllerSession
 
-if TYPE_CHECKING:
-    from slip_vic_controller.path.joint_path import JointFeed
-
-AHEAD, SAMPLES = 2.0, 12
-"""Previews of the governor that wait of a joint trajectory at most, and references in each."""
-MOST_POINTS = 2000
 _PHASES = {
-    GoalPhase.STOPS: "waits until the pad is at rest on the path that it is on",
+    GoalPhase.STOPS: "waits until the pad is at rest on its current path",
     GoalPhase.PLANS: "is planned",
     GoalPhase.MOVES: "moves",
     GoalPhase.REACHED: "reached",
@@ -38,13 +30,13 @@ def refusal_text(goal: Any) -> str:
     why, value, limit = Refusal(int(goal.refusal)), float(goal.value), float(goal.limit)
     if why == Refusal.TOO_HEAVY:
         load = f"holding the weight needs {value:.3f} N, friction can carry {limit:.3f} N"
-        return f"friction cannot carry the object where its path is at {float(goal.where):.3f} s: {load}"
+        return f"friction cannot carry the object at {float(goal.where):.3f} s of its path: {load}"
     if why == Refusal.TOO_FAR:
-        return f"it is {value:.4g} m away, at most {limit:g} are taken: check unit and frame"
+        return f"it is {value:.4g} m away, the limit is {limit:g}: check unit and frame"
     if why in (Refusal.TOO_FAST, Refusal.TURNS_TOO_FAST):
         unit = "m/s" if why == Refusal.TOO_FAST else "rad/s"
         return f"it needs {value:.2f} {unit}, the limit is {limit:.2f}: allow more time"
-    return "the law is not at work, see controller/mode"
+    return "the law is not active, see controller/mode"
 
 
 class GoalWatch:
@@ -76,22 +68,18 @@ class TaskTopics:
         refusals: messages that could not be read, for the report.
     """
 
-    def __init__(self, node: Any, params: ControllerNodeParams, session: ControllerSession, refusals: Refusals) -> None:
+    def __init__(self, node: Any, params: ControllerParams, session: ControllerSession, refusals: Refusals) -> None:
         self._params, self._session, self._refusals = params, session, refusals
-        self._last: CycleResult | None = None
-        self._feed: JointFeed | None = None
         self._goals = GoalWatch(session)
         self._used = create_publisher(node, "controller/reference_used") if session.controller.first.external else None
         taken: dict[str, Any] = {}
         if params.trajectory.kind == "topic":
             taken["reference"] = self._on_reference
-            if len(session.arms) == 1:
-                taken["joint_trajectory"] = self._on_trajectory
         elif session.controller.first.external:
             taken["goal"] = self._on_goal
         for name, callback in taken.items():
             create_subscription(node, name, callback, depth=STATE_DEPTH[True], reliable=False)
-        self._answers = None if taken.keys() <= {"reference"} else create_publisher(node, "controller/goal")
+        self._answers = create_publisher(node, "controller/goal") if "goal" in taken else None
         for request in (Request.ENABLE, Request.HOLD, Request.RESET_FAULT, Request.TARE):
             name = f"~/{request.name.lower()}"
             node.create_service(Trigger, name, lambda _, response, r=request: self._on_request(r, response))
@@ -101,12 +89,9 @@ class TaskTopics:
         """Publishers, and how many subscribers each must have before the node is ready."""
         return [] if self._used is None else [(self._used, self._params.expected_subscribers - 1)]
 
-    def publish(self, result: CycleResult) -> None:
-        """Publish what has changed in this cycle; result: of the first arm that was answered."""
-        self._last = result
-        if self._feed is not None:
-            self._follow(self._feed, result)
-        if self._params.trajectory.kind == "goal":
+    def publish(self) -> None:
+        """Publish what has become of a goal in this cycle."""
+        if self._answers is not None:
             for line in self._goals.changes():
                 self._say(line)
 
@@ -125,9 +110,9 @@ class TaskTopics:
         elif faulty is not None and request != Request.RESET_FAULT:
             response.message = f"in FAULT: {faulty.reason}{GO_ON}"
         elif request == Request.TARE and any(arm.mode.follows for arm in arms):
-            response.message = "the law is at work: call ~/hold first"
+            response.message = "the law is active: call ~/hold first"
         elif request == Request.TARE and not all(arm.controller.params.tare.duration_s for arm in arms):
-            response.message = "tare.duration_s is 0: sensors are used as they are"
+            response.message = "tare.duration_s is 0: there is no tare"
         else:
             self._session.request(request)
             response.success, response.message = True, f"{request.name.lower()}: decided in the next cycle"
@@ -157,42 +142,3 @@ class TaskTopics:
             return
         self._used.publish(message)
         self._session.set_goal(goal)
-
-    # -- joint trajectories of one arm, followed as references of the pad --------------------------
-
-    def _on_trajectory(self, message: Any) -> None:
-        try:
-            self._feed = self._taken(message)
-        except InputError as error:
-            self._refusals.add("joint_trajectory", error)
-            self._say(f"trajectory refused: {error}")
-            return
-        self._say(f"trajectory of {len(message.points)} points, {self._feed.path.duration:.3f} s, moves")
-
-    def _taken(self, message: Any) -> JointFeed:
-        from slip_vic_controller.path.joint_path import JointFeed, JointPath, Points, checked  # splines: 14 MiB
-
-        last, what, robot = self._last, "joint_trajectory", self._session.controller.first.robot
-        if last is None or not last.mode.follows:
-            mode = last.mode.name if last else "no joint state"
-            raise InputError(what, got=mode, expected="the law at work, see controller/mode")
-        if self._feed is not None:
-            raise InputError(what, got="another while one moves", expected="one at a time; ~/hold ends it")
-        if len(message.points) > MOST_POINTS:
-            raise InputError(what, got=f"{len(message.points)} points", expected=f"{MOST_POINTS} at most")
-        path = JointPath(checked(Points(*from_msgs.joint_trajectory(message)), what), robot)
-        path.check_motion(last.joint.position, robot.velocity_limit)
-        preview_s = self._params.governor.preview_s if governed_stream(self._params) else 0.0
-        return JointFeed(path, last.joint.stamp_ns, preview_s / SAMPLES, AHEAD * preview_s)
-
-    def _follow(self, feed: JointFeed, result: CycleResult) -> None:
-        """Give the reference that is due after a cycle."""
-        governor = result.record.governor
-        if not result.mode.follows:
-            self._feed = None
-            self._say(f"trajectory ends on the way: {result.mode.name}, {result.reason}")
-        elif (reference := feed.next(result.joint.stamp_ns, float(governor.stream_waits))) is not None:
-            self._on_reference(to_msgs.reference(reference))
-        elif feed.ended and governor.stream_waits == 0.0:
-            self._feed = None
-            self._say("trajectory reached")

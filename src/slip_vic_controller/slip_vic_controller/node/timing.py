@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Sequence
 
 from slip_core.stamps import NS_PER_S
-from slip_core.timing import OK, WARN, spread
 
 SCALARS = (
     "period_s",
@@ -18,17 +16,14 @@ SCALARS = (
     "latency_s",
     "overruns",
     "missed",
-    "stale_wrench",
-    "stale_slip",
 )
-STATUS_PERIOD_NS = 1_000_000_000
 
 
 class CycleTiming:
     """Measures one cycle after the other; the caller gives the times, so that tests can give theirs.
 
     overruns: cycles that took longer than a period. missed: joint states that were published and never answered,
-    lost on the way or overtaken by a newer one. stale: cycles on a sample older than one period.
+    lost on the way or overtaken by a newer one.
 
     Args:
         period_s: control period.
@@ -36,11 +31,9 @@ class CycleTiming:
 
     def __init__(self, period_s: float) -> None:
         self._period_ns = round(period_s * NS_PER_S)
-        size = max(2, round(STATUS_PERIOD_NS / self._period_ns))
-        self._periods, self._computes, self._latencies = (deque[float](maxlen=size) for _ in range(3))
         self._began_ns: int | None = None
         self._last_stamp_ns: int | None = None
-        self.overruns = self.missed = self.stale_wrench = self.stale_slip = self._reported = 0
+        self.overruns = self.missed = 0
 
     def add(self, began_ns: int, ended_ns: int, wall_ns: int, ledger: Sequence[int]) -> tuple[float, ...]:
         """Take one answered cycle and return its numbers in the order of `SCALARS`.
@@ -53,43 +46,23 @@ class CycleTiming:
         """
         stamps = [sec * NS_PER_S + nanosec for sec, nanosec in zip(ledger[1::2], ledger[2::2], strict=True)]
         stamp_ns = stamps[0]
-        wrench_ns, slip_ns = _age_ns(stamp_ns, stamps[1::2]), _age_ns(stamp_ns, stamps[2::2])
         period_s = math.nan if self._began_ns is None else (began_ns - self._began_ns) * 1e-9
         if self._last_stamp_ns is not None:
             self.missed += max(0, round((stamp_ns - self._last_stamp_ns) / self._period_ns) - 1)
         self._began_ns, self._last_stamp_ns = began_ns, stamp_ns
         compute_ns = ended_ns - began_ns
         self.overruns += compute_ns > self._period_ns
-        self.stale_wrench += wrench_ns > self._period_ns
-        self.stale_slip += slip_ns > self._period_ns
         latency_s = (wall_ns - stamp_ns) * 1e-9
-        self._periods.append(period_s)
-        self._computes.append(compute_ns * 1e-9)
-        self._latencies.append(latency_s)
         return (
             period_s,
             latency_s - compute_ns * 1e-9,
-            wrench_ns * 1e-9,
-            slip_ns * 1e-9,
+            _age_ns(stamp_ns, stamps[1::2]) * 1e-9,
+            _age_ns(stamp_ns, stamps[2::2]) * 1e-9,
             compute_ns * 1e-9,
             latency_s,
             float(self.overruns),
             float(self.missed),
-            float(self.stale_wrench),
-            float(self.stale_slip),
         )
-
-    def status(self) -> tuple[int, str, dict[str, object]]:
-        """Return level, text and values of the last second for /diagnostics; overruns and misses are a warning."""
-        late = self.overruns + self.missed - self._reported
-        self._reported += late
-        values: dict[str, object] = {}
-        for name, window in (("period", self._periods), ("compute", self._computes), ("latency", self._latencies)):
-            for key, value in spread(window).items():
-                values[f"{name}_{key}_us"] = round(value * 1e6, 1)
-        for name in ("overruns", "missed", "stale_wrench", "stale_slip"):
-            values[name] = getattr(self, name)
-        return WARN if late else OK, f"{late} cycles overran or were missed since the last status", values
 
 
 def _age_ns(stamp_ns: int, samples: Sequence[int]) -> float:

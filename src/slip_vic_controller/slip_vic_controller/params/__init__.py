@@ -1,1 +1,1 @@
-"""Parameters of the controller by theme; `params` holds them all."""
+"""Parameters of the controller, as its arms and its node have them."""

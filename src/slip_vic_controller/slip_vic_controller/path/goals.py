@@ -10,10 +10,10 @@ from __future__ import annotations
 from enum import IntEnum, unique
 
 from slip_core.compiled import part
-from slip_core.records import Mat3, Real, Record, Vec3, Whole, dtype_of
+from slip_core.records import Mat3, Real, Record, Vec3, Whole
 from slip_core.vectors import Spatial, mat, put, put_mat, put_spatial, vec
 from slip_vic_controller.governor.governor import start_path
-from slip_vic_controller.governor.layouts import Governor, GovernorConfig
+from slip_vic_controller.governor.layouts import PATH_MARGIN, Governor, GovernorConfig
 from slip_vic_controller.governor.plan import Governing
 from slip_vic_controller.law.rotation import logarithm
 from slip_vic_controller.path.paths import Path, PathKind, Reference, put_quintic, reference_at, rising, standing
@@ -62,8 +62,6 @@ class Goal(Record):
     path: Path  # relative to that pose
 
 
-GOAL = dtype_of(Goal)
-
 FARTHEST = 10.0
 """Distance to a goal beyond the reach of any arm: an error of a unit or a frame [m]."""
 
@@ -80,12 +78,6 @@ def rest_at(goal: Goal, reference: Reference) -> None:
     put(goal.position, reference.position)
     put_mat(goal.rotation, reference.rotation)
     goal.path.kind, goal.phase, goal.path.knot[1] = PathKind.HOLD.value, GoalPhase.RESTS.value, 1.0
-
-
-@part
-def refuse_goal(goal: Goal, why: int, where: float, value: float, limit: float) -> None:
-    """Refuse the newest goal, or the one that is being planned; where [s] on its path."""
-    goal.refused, goal.refusal, goal.where, goal.value, goal.limit = goal.number, 0 + why, where, value, limit
 
 
 @part
@@ -154,8 +146,8 @@ def judge_governed_goal(limits: GovernorConfig, path: Governor, goal: Goal) -> N
     if goal.phase == GoalPhase.PLANS and path.planned != 0:
         goal.phase = GoalPhase.MOVES.value
         if path.infeasible != 0:
-            carries = limits.path_margin * path.plan_load
-            refuse_goal(goal, Refusal.TOO_HEAVY.value, path.heaviest_time, path.weight_load, carries)
+            goal.refused, goal.refusal, goal.where = goal.number, Refusal.TOO_HEAVY.value, path.heaviest_time
+            goal.value, goal.limit = path.weight_load, PATH_MARGIN * path.plan_load
             rest_at(goal, standing(goal_at(goal, 0.0)))
             start_path(limits, path)
     elif goal.phase == GoalPhase.MOVES and path.arrived != 0 and path.out_rate == 0.0:

@@ -2,6 +2,7 @@
 
 A path is six coordinates over time, displacement and rotation vector on world axes, with their two derivatives, at rest
 before 0 and after its end; the reference is made from it in one place, so angular velocity and acceleration are exact.
+Near the limits of the arm it is run through more slowly, and without slip velocity it comes to rest.
 """
 
 from __future__ import annotations
@@ -41,6 +42,13 @@ class Path(Record):
 
 
 REFERENCE, PATH = dtype_of(DesiredMotion), dtype_of(Path)
+
+
+class PathScaling(Record):
+    """Speed along the path."""
+
+    scale: Real  # 1 = as planned
+    rate: Real  # 1/s, of the scale
 
 
 class Started(Protocol):
@@ -97,20 +105,11 @@ def reference_at(path: Path, t: float, start_position: Array, start_rotation: Ar
         Spatial(point.rate.linear, left_jacobian(phi, phi_dot)),
         Spatial(point.rate_rate.linear, alpha_d),
     )
-    return on_object(reference, mat(start_rotation), vec(path.lever)) if path.carries != 0 else reference
-
-
-@part
-def on_object(planned: Reference, start: Mat, lever: Vec) -> Reference:
-    """Return the motion of a pad on an object whose centre of mass is displaced as planned.
-
-    Args:
-        planned: displacement of the centre of mass, counted from where the pad was at the start.
-        start: attitude of the pad there.
-        lever: the pad as seen from the centre of mass, fixed on the object [m] {ee}.
-    """
-    moved = offset(planned, planned.rotation @ lever)
-    return Reference(moved.position - start @ lever, moved.rotation, moved.twist, moved.acceleration)
+    if path.carries == 0:
+        return reference
+    moved = offset(reference, reference.rotation @ vec(path.lever))  # of the pad, as the centre of mass is displaced
+    position = moved.position - mat(start_rotation) @ vec(path.lever)
+    return Reference(position, moved.rotation, moved.twist, moved.acceleration)
 
 
 @part
@@ -144,6 +143,49 @@ def carried(reference: Reference, grasp: Pose) -> Reference:
 def standing(reference: Reference) -> Reference:
     """Return the pose of a reference, at rest."""
     return Reference(reference.position, reference.rotation, NOTHING, NOTHING)
+
+
+@part
+def advance(scaling: PathScaling, wanted: float, dt: float, slow_down_s: float) -> None:
+    """Move the scale of a PATH_SCALING towards `wanted`, at most from 1 to 0 in `slow_down_s`; dt [s].
+
+    The reference brakes in a known time, and never jumps.
+    """
+    before = scaling.scale
+    if wanted == before:
+        scaling.rate = 0.0
+        return
+    step = dt / slow_down_s
+    scaling.scale = min(max(wanted, before - step), before + step)
+    scaling.rate = (scaling.scale - before) / dt if dt > 0.0 else 0.0
+
+
+@part
+def scale_for_error(linear: float, angular: float, bound_linear: float, bound_angular: float) -> float:
+    """Return how fast the path may run at these errors [m], [rad]: 1 up to half the bounds, 0 at the bounds."""
+    worst = max(linear / bound_linear, angular / bound_angular)
+    return 1.0 if worst <= 0.5 else max(0.0, 2.0 - 2.0 * worst)
+
+
+@part
+def scaled(reference: Reference, scaling: PathScaling) -> Reference:
+    """Return the reference of a path that is run through at another speed: the chain rule; PATH_SCALING.
+
+    Twist sigma v, acceleration sigma^2 a + sigma_dot v.
+    """
+    sigma = scaling.scale
+    return Reference(
+        reference.position,
+        reference.rotation,
+        sigma * reference.twist,
+        (sigma * sigma) * reference.acceleration + scaling.rate * reference.twist,
+    )
+
+
+@part
+def lost_ns(scaling: PathScaling, dt_ns: int) -> int:
+    """Return by how much the start of the trajectory moves later in a tick of dt_ns [ns]; 0 at full speed, exactly."""
+    return 0 if scaling.scale == 1.0 else round((1.0 - scaling.scale) * dt_ns)
 
 
 @part

@@ -30,7 +30,7 @@ mass [kg m^2], r, the pad centre as seen from there [m]."""
 
 @part
 def held_object(config: GovernorConfig, memory: Any) -> Held:
-    """Return the object as the governor takes it; one pad holds it."""
+    """Return the object for the governor; one pad holds it."""
     weights, gravity = spatial(config.weights), vec(config.gravity)
     return Held(memory.mass, mat(memory.inertia), vec(memory.r), weights, gravity, ALONE)
 

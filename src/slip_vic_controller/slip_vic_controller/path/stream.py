@@ -12,7 +12,7 @@ import math
 from typing import Annotated, Final
 
 from slip_core.compiled import part
-from slip_core.records import Real, Record, Records, Whole, dtype_of
+from slip_core.records import Real, Record, Records, Whole
 from slip_core.vectors import NOTHING, Mat, Spatial, Vec
 from slip_vic_controller.governor.governor import REPLAN
 from slip_vic_controller.governor.layouts import Governor
@@ -60,9 +60,6 @@ class Stream(Record):
     rests: DesiredMotion  # the pose while there is nothing to follow
     samples: Annotated[Records[DesiredMotion], ROOM]
     points: Annotated[Records[GridPoint], ROOM]
-
-
-STREAM = dtype_of(Stream)
 
 
 @part
@@ -124,7 +121,7 @@ def put_sample(
 @part
 def received(stream: Stream) -> Records[GridPoint]:
     """Return the points of the samples received and not yet followed."""
-    return stream.points[: stream.count]  # type: ignore[index, return-value]
+    return stream.points[: stream.count]
 
 
 @part

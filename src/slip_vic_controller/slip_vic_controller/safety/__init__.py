@@ -1,1 +1,1 @@
-"""What stands between the law and the joints: which inputs count, what the arm does, and what no effort exceeds."""
+"""The layer between law and joints: validation of inputs, modes, HOLD, and limits of efforts."""

@@ -1,9 +1,15 @@
-"""Conditions: all that speaks against the law, in one table; why the controller is in its mode.
+"""Conditions and modes: all that speaks against the law, in one table, and what the controller does and why.
 
-A row is a reason: how severe it is, its words, how long it must last, whether it clears by itself. The rows are in the
-order in which they count: the first one that has lasted decides the mode. What finds that a row is so
-(`cycle/judging.py`) reports it with `see`, in any order; `first` is the loop through the table. docs/faults.csv has
-cause and fix of each.
+A row is a reason: the mode that it leads to, its words, how long it must last, whether it clears by itself. The rows
+are in the order in which they count: the first one that has lasted decides the mode. What finds that a row is so
+(`cycle/deciding.py`) reports it with `see`, in any order; `first` is the loop through the table. docs/faults.csv has
+cause and fix of each. The modes, with time as an argument:
+
+WAITING_INPUT  no effort: an input has never been seen, or the joint state's source has restarted
+HOLD           gravity compensation, damping and posture
+ACTIVE         the law
+DEGRADED       the law with a fallback, and the reason
+FAULT          as HOLD, until a user resets it
 """
 
 from __future__ import annotations
@@ -19,31 +25,36 @@ from slip_vic_controller.sizes import MAX_CONTACTS, NEVER
 
 
 @unique
-class Severity(IntEnum):
-    """What a reason leads to; of two the larger one counts."""
+class Mode(IntEnum):
+    """Modes in the order of their numbers on the topics."""
 
-    SAMPLE = 0  # nothing by itself: what is wrong with a sample of an input, or with the input
-    DEGRADED = 1
-    HOLD = 2
-    WAITING_INPUT = 3
+    WAITING_INPUT = 0
+    HOLD = 1
+    ACTIVE = 2
+    DEGRADED = 3
     FAULT = 4
 
+    @property
+    def follows(self) -> bool:
+        """Whether the law is active."""
+        return self in (Mode.ACTIVE, Mode.DEGRADED)
 
-_SAMPLE, _DEGRADED, _HOLD = Severity.SAMPLE, Severity.DEGRADED, Severity.HOLD
-_WAITS, _FAULT = Severity.WAITING_INPUT, Severity.FAULT
+
+_DEGRADED, _HOLD, _WAITS, _FAULT = Mode.DEGRADED, Mode.HOLD, Mode.WAITING_INPUT, Mode.FAULT
 
 
 @unique
 class Reason(IntEnum):
-    """The table: number, words; severity, how long it must last [s], whether it clears itself.
+    """The table: number, words; the mode that it leads to, how long it must last [s], whether it clears itself.
 
-    The words may name the fields of a `Why`, see `describe`. Where a parameter says how long, `config` does. The
-    numbers of what is wrong with a sample are part of the ledger's format.
+    What is wrong with a sample leads to nothing by itself: its row has ACTIVE. The words may name the fields of a
+    `Why`, see `describe`. Where a parameter says how long, `config` does. The numbers of what is wrong with a sample
+    are part of the ledger's format.
     """
 
     _value_: int
     words: str
-    severity: Severity
+    mode: Mode
     lasts_s: float
     clears: bool
 
@@ -51,14 +62,14 @@ class Reason(IntEnum):
         cls,
         number: int,
         words: str = "",
-        severity: Severity = _SAMPLE,
+        mode: Mode = Mode.ACTIVE,
         lasts_s: float = 0.0,
         clears: bool = True,
     ) -> Reason:
         """Make a row; a FAULT never clears by itself."""
         row = int.__new__(cls, number)
-        row._value_, row.severity, row.words = number, severity, words
-        row.lasts_s, row.clears = lasts_s, clears and severity != Severity.FAULT
+        row._value_, row.mode, row.words = number, mode, words
+        row.lasts_s, row.clears = lasts_s, clears and mode != Mode.FAULT
         return row
 
     NONE = 0
@@ -66,8 +77,8 @@ class Reason(IntEnum):
     UNSTAMPED = 1, "has no stamp"
     REFUSED = 2, "is refused"
     NOT_FINITE = 3, "is not finite"
-    ABSURD = 4, "is absurdly large"
-    AHEAD = 5, "is ahead of all others: joint_states"
+    ABSURD = 4, "is absurdly large: wrong unit?"
+    AHEAD = 5, "has stamps ahead of all others: joint_states"
     OUT_OF_ORDER = 6, "is out of order"
     FUTURE = 8, "is ahead of the joint state"
     CLOCK_JUMP = 9, "has a stamp that has jumped"
@@ -86,10 +97,10 @@ class Reason(IntEnum):
     # which: joint, -1 = the pad
     TOO_FAST = 23, "{joint} moves at {value:.1f} rad/s or m/s, the limit is {limit:.1f}", _FAULT, 0.005
     # this and the next two in the order of `Trust` in what is left; which: joint
-    VELOCITY = 26, "{joint}: its velocity contradicts its position by {value:.4f} rad", _FAULT
-    POSITION = 27, "{joint}: its position is stuck or drifts by {value:.4f} rad", _FAULT
-    STUCK = 28, "{joint}: its position and velocity are stuck, though it moves", _FAULT
-    COLLISION = 29, "collision: torque on {joint} jumped by {value:.1f} of {limit:.1f} N m", _FAULT
+    VELOCITY = 26, "{joint}: velocity and position disagree by {value:.4f} rad", _FAULT
+    POSITION = 27, "{joint}: position is stuck or drifts by {value:.4f} rad", _FAULT
+    STUCK = 28, "{joint}: position and velocity are stuck while the joint moves", _FAULT
+    COLLISION = 29, "collision: torque on {joint} jumped by {value:.1f} N m, the limit is {limit:.1f}", _FAULT
     DISTURBED = 30, "{joint}: disturbance of {value:.1f} N m, at most {limit:.1f} is compensated", _FAULT
     IGNORED = 31, "{joint} ignores commands: {value:.2f} rad/s where {limit:.2f} are commanded", _FAULT
     MOVED_IN_TARE = 32, "{joint} moved by {value:.3f} rad during the tare, without any wrench", _FAULT
@@ -98,7 +109,6 @@ class Reason(IntEnum):
     # -- WAITING_INPUT
     # which: bits of what is missing
     WAITS = 36, "waits for {missing}", _WAITS
-    JOINTS_RESTARTED = 37, "joint state {fault}", _WAITS
     TOO_HEAVY = (
         38,
         "holding arm and object needs {value:.1f} N m on {joint}, its limit is {limit:.1f}",
@@ -111,20 +121,19 @@ class Reason(IntEnum):
     WRENCH = 40, "wrench {fault}", _HOLD
     JOINT_STATE = 41, "joint state {fault}", _HOLD
     SLIP = 42, "slip velocity {fault}", _HOLD
-    TARE = 43, "tare: sensors are read at rest before the law begins", _HOLD
-    BIASED = 44, "{sensor} reads {value:.3g} at rest, at most {limit:.3g} are taken out", _HOLD
-    WRONG_MASS = 47, "object.mass is {limit:.3g}, the wrench at rest says {value:.3g}", _HOLD
-    INVERTED_WRENCH = 48, "the wrench reads the weight with the opposite sign ({value:.3g} kg)", _HOLD
+    TARE = 43, "tare: measuring the sensors at rest before the law starts", _HOLD
+    BIASED = 44, "{sensor} reads {value:.3g} at rest, the tare removes at most {limit:.3g}", _HOLD
+    WRONG_MASS = 47, "object.mass is {limit:.3g}, the wrench at rest shows {value:.3g}", _HOLD
+    INVERTED_WRENCH = 48, "the wrench shows the weight with the opposite sign ({value:.3g} kg)", _HOLD
     # which: where, time of the trajectory [ms]
     PATH_TOO_HEAVY = (
         49,
         "friction cannot carry the object at {which} ms of the path: it needs {value:.3f} N and has {limit:.3f} N",
         _HOLD,
     )
-    SLIDES = 50, "the object slides: waiting until it rests", _HOLD
     BAD_REFERENCE = 52, "reference is not finite", _HOLD
-    NO_ESTIMATE = 53, "the slip observer gave no finite estimate", _HOLD
-    NO_TORQUE = 54, "the law gave no finite torque", _HOLD
+    NO_ESTIMATE = 53, "the slip estimate is not finite", _HOLD
+    NO_TORQUE = 54, "the torque of the law is not finite", _HOLD
     ASKED = 55, "hold requested", _HOLD, 0.0, False
     NOT_ENABLED = 56, "not enabled", _HOLD, 0.0, False
     # -- DEGRADED
@@ -134,13 +143,10 @@ class Reason(IntEnum):
     SLIP_PREDICTED = 60, "slip velocity {fault}: predicting it from the wrench", _DEGRADED
     STOPPING = 61, "hold requested: coming to rest first", _DEGRADED
     SATURATED = 62, "efforts saturated", _DEGRADED, 0.1
-    RANGE_END = 65, "{joint} is at the end of its range, at {value:.2f} rad, off its path", _DEGRADED
-    # which: joint; limit: how far the pad is off its reference [m], or [rad] where only the attitude is far
-    NOT_FOLLOWING = 66, "{joint} does not follow: {value:.2f} N m do not move it", _DEGRADED, 1.0
     # value: load that the motion needs, limit: that is measured [N]
     READS_NOTHING = (
         67,
-        "the wrench shows {limit:.2f} N where the motion needs {value:.2f} N, and slip_velocity reads nothing",
+        "the wrench shows {limit:.2f} N where the motion needs {value:.2f} N, but slip_velocity reads zero",
         _DEGRADED,
     )
     # which: the contact's SensorHealth of the slip sensor, with its numbers
@@ -148,16 +154,17 @@ class Reason(IntEnum):
     # value: load beyond that of the model [N]
     HAND = 69, "a hand pulls at the object: {value:.2f} N beyond its weight", _DEGRADED, 0.2
     OVERRUNS = 70, "friction is too low to stop on the path", _DEGRADED
-    ENDLESS_SLIP = 71, "slip that does not end: the path goes on without it", _DEGRADED
-    GIVEN_UP = 72, "compensation off: the object slips fast all the same", _DEGRADED
+    ENDLESS_SLIP = 71, "the slip readings do not end: the path continues without them", _DEGRADED
+    GIVEN_UP = 72, "slip compensation is off: the object kept slipping fast", _DEGRADED
     PATH_WAITS = 73, "the path waits for the arm", _DEGRADED
 
 
 REASONS: Final = max(Reason) + 1
 SAMPLE_FAULTS: Final = Reason.INTERNAL.value
 """How many reasons, `NONE` among them, are faults of a sample or an input."""
-_OF_NUMBER = {reason.value: reason.severity.value for reason in Reason}
-SEVERITIES: Final = tuple(_OF_NUMBER.get(number, 0) for number in range(REASONS))
+_OF_NUMBER = {reason.value: reason.mode.value for reason in Reason}
+LEADS_TO: Final = tuple(_OF_NUMBER.get(number, Mode.ACTIVE.value) for number in range(REASONS))
+"""Mode by the number of its reason."""
 
 
 @unique
@@ -175,7 +182,6 @@ class Prefix(IntEnum):
     """Words before a reason; bits."""
 
     NONE = 0
-    ASKED_AND = 1
     RESUMES_AFTER = 2
     AFTER_RESET = 4
 
@@ -230,7 +236,6 @@ class ConditionsConfig(Record):
     slow_down_ns: Whole  # time for the path to come to rest
     bridge_ns: Whole  # how long the law continues where the model has an arm that is not measured
     unseen_ns: Whole  # the same, with the time in which the path comes to rest
-    gap_ns: Whole  # pause of the controller itself that is too long
     slip_needed: Whole  # whether the law needs the slip velocity
     auto_enable: Whole  # whether the law begins without a user
     resume_after_ns: Whole  # how long what spoke against the law must be gone
@@ -246,20 +251,14 @@ class Health(Record):
 
 
 @part
-def because(reason: int, which: int) -> Why:
-    """Return why without numbers."""
-    return Why(0 + reason, 0, 0, int(which), 0.0, 0.0)
-
-
-@part
-def of_fault(reason: int, fault: int) -> Why:
-    """Return that an input has a fault; reason: the row of the input."""
+def because(reason: int, fault: int) -> Why:
+    """Return why without numbers; fault: of the input in whose row it stands, NONE of another reason."""
     return Why(0 + reason, 0 + fault, 0, 0, 0.0, 0.0)
 
 
 @part
 def prefixed(why: Why, prefix: int) -> Why:
-    """Return why with something said before it."""
+    """Return a reason with a prefix."""
     return Why(why.reason, why.fault, why.prefix | prefix, why.which, why.value, why.limit)
 
 
@@ -327,6 +326,92 @@ def first(config: ConditionsConfig, rows: Records[Condition], now_ns: int) -> Wh
     return NOTHING
 
 
+# -- modes ----------------------------------------------------------------------------------------------
+
+
+@unique
+class Request(IntEnum):
+    """Requests since the last cycle, from a user unless stated otherwise."""
+
+    NONE = 0
+    ENABLE = 1
+    HOLD = 2
+    RESET_FAULT = 3
+    TARE = 5  # read the sensors at rest again; not while the law is at work
+    FAILED = 4  # the node itself requests FAULT: one of its callbacks has failed
+
+
+class ModeState(Record):
+    """The mode and its history."""
+
+    mode: Whole  # Mode
+    enabled: Whole  # whether the law is wanted
+    good_since_ns: Whole  # since when nothing speaks against the law, NEVER = something does
+    reason: WhyRecord
+
+
+@part
+def follows(mode: int) -> bool:
+    """Return whether the law is active in a mode."""
+    return bool(mode == Mode.ACTIVE or mode == Mode.DEGRADED)
+
+
+@part
+def holds_for(state: ModeState, reason: int, fault: int) -> bool:
+    """Return whether a fault of an input is why the law does not work; reason: the row of the input.
+
+    A sensor that is frozen shows it while the arm moves only, so it stays frozen until it reads something else.
+    """
+    over = state.reason.prefix & (Prefix.RESUMES_AFTER | Prefix.AFTER_RESET)
+    return bool(not over and state.reason.reason == reason and state.reason.fault == fault)
+
+
+@part
+def next_mode(config: ConditionsConfig, state: ModeState, why: Why, request: int, now_ns: int) -> None:
+    """Go to the mode of this cycle; why: what speaks against the law, NOTHING where nothing does.
+
+    A fault latches; a request to hold wins over one to continue; what inputs caused ends with its cause, what a user or
+    a fault caused ends by a user.
+    """
+    leads_to, before = LEADS_TO[why.reason], read_why(state.reason)
+    stops = leads_to == Mode.WAITING_INPUT or leads_to == Mode.HOLD
+    enabled = request == Request.ENABLE or (state.enabled != 0 and request != Request.HOLD)
+    good_since = since_when(state.good_since_ns, not stops, now_ns)
+    if state.mode == Mode.FAULT and request != Request.RESET_FAULT:
+        state.enabled, state.good_since_ns = 0, good_since
+        return
+    if request == Request.FAILED or leads_to == Mode.FAULT:
+        if request == Request.FAILED:
+            why = because(Reason.INTERNAL.value, 0)
+        _go(state, Mode.FAULT, why, False, good_since)
+        return
+    if state.mode == Mode.FAULT:
+        before = prefixed(before, Prefix.AFTER_RESET.value)
+        state.mode, enabled = Mode.HOLD, False
+    if stops:
+        _go(state, leads_to, why, enabled, NEVER)
+    elif not enabled:
+        if request == Request.HOLD or before.reason == Reason.ASKED:
+            before = because(Reason.ASKED.value, 0)
+        elif before.prefix & Prefix.AFTER_RESET == 0:
+            before = because(Reason.NOT_ENABLED.value, 0)
+        _go(state, Mode.HOLD, before, False, good_since)
+    elif (
+        state.mode == Mode.HOLD
+        and request != Request.ENABLE
+        and (good_since == NEVER or now_ns - good_since < config.resume_after_ns)
+    ):
+        _go(state, Mode.HOLD, prefixed(before, Prefix.RESUMES_AFTER.value), True, good_since)
+    else:
+        _go(state, leads_to, why, True, good_since)
+
+
+@part
+def _go(state: ModeState, mode: int, why: Why, enabled: bool, good_since_ns: int) -> None:
+    state.mode, state.enabled, state.good_since_ns = 0 + mode, 1 if enabled else 0, good_since_ns
+    put_why(state.reason, why)
+
+
 # -- outside of the cycle -----------------------------------------------------------------------------
 
 
@@ -347,15 +432,13 @@ def describe(why: Why | WhyRecord | Any, joint_names: Sequence[str]) -> str:
         mistake=_word(MISTAKES, why.which).format(value=why.value, limit=why.limit),
         sensor=_word(SENSORS, why.which),
     )
-    if why.prefix & Prefix.ASKED_AND:
-        text = f"hold requested; {text}"
     if why.prefix & Prefix.AFTER_RESET:
         text = f"not enabled, after a reset of: {text}"
     return f"resumes after: {text}" if why.prefix & Prefix.RESUMES_AFTER else text
 
 
 def reason_fields(why: Any, joint_names: Sequence[str]) -> dict[str, object]:
-    """Return what is published beside the words: name and number, what is wrong with an input, and the numbers."""
+    """Return the published fields beside the text: name and number, the fault of an input, and the numbers."""
     reason = Reason(why.reason)
     return {
         "reason": reason.name,

@@ -1,4 +1,4 @@
-"""HOLD: the posture in which it began, with gravity, the load and damping; gains that are stable with late messages."""
+"""HOLD: the posture in which it began, with gravity, the load and damping."""
 
 from __future__ import annotations
 
@@ -8,22 +8,16 @@ from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.records import Mat3, Real, Record, Vec3, Vec6, Whole
 from slip_core.vectors import ZERO, Mat, Spatial, Vec, mat, put_spatial, spatial, vec
-from slip_vic_controller.arm.estimator import MOVES
-from slip_vic_controller.arm.joint_estimate import JointRecord
+from slip_vic_controller.arm.estimator import MOVES, JointRecord
+from slip_vic_controller.contact.wrench_evidence import MEAN_S
 from slip_vic_controller.law.arm import Arm
 from slip_vic_controller.sizes import Joints
 
 DELAY = 0.46
 """Natural frequency of HOLD times the delay from joint state to effort at which it begins to swing, where what is moved
 is 1.5 times the inertia that it reckons with, as where the object is gone [rad]."""
-SLOWEST = 0.45
-"""Of the loop in slow motion: with the default gains no joint gives way under a load that slides."""
 LOAD_LEVER = 0.1
 """How far off the pad centre the unknown part of a load may pull: no pad is longer [m]."""
-LEAST_LOAD = 5.0
-"""What one arm carries at least, where the wrench shows it: a mass that is configured too small [N]."""
-LOAD_S = 0.05
-"""Time constant with which HOLD takes from the wrench the load that the model does not explain [s]."""
 ELSEWHERE = 0.01
 """Distance from the posture that HOLD keeps, by which a pad has moved by some millimetres [rad]."""
 
@@ -35,7 +29,6 @@ class HoldConfig(Record):
     carriers: Whole  # pads that carry the object, those of other arms too
     stiffness: Real  # 1/s^2; over the joint inertia
     damping: Real  # 1/s; over the joint inertia: critical
-    least_load: Real  # N; most that is taken from the wrench, where the weight is less
     mass: Real  # kg
     inertia: Mat3  # kg m2 {o}
     weight: Vec3  # N {w}
@@ -68,11 +61,11 @@ def plausible_arm(configured: Vec, r_pad: Vec) -> Vec:
 
 @part
 def update_load_error(config: HoldConfig, state: Hold, arm: Arm, r_pad: Vec, measured: Spatial, dt: float) -> None:
-    """Take what has to be added to the load of the model from the measured wrench on the own pad [N, N m] {ee}.
+    """Compute the correction of the modelled load from the measured wrench on the own pad [N, N m] {ee}.
 
-    Low-pass of the wrench that the model does not explain. Slow and bounded by the weight itself, or by `least_load`,
+    Low-pass, as of the wrench's evidence, of what the model does not explain. Slow and bounded by the weight itself,
     so that HOLD depends on the wrench no more than it must: an object that has slid while the arm came to rest pulls at
-    another point than the model says, and the pads would give way and tilt.
+    another point than modelled, and the pads would yield and tilt.
 
     Args:
         config, state: of HOLD; state is changed.
@@ -83,28 +76,15 @@ def update_load_error(config: HoldConfig, state: Hold, arm: Arm, r_pad: Vec, mea
     """
     R, error = mat(arm.rotation), spatial(state.load_error)
     model = object_load(config, R, R @ r_pad)
-    most, beyond = max(model.linear.norm(), config.least_load), measured - model
+    most, beyond = model.linear.norm(), measured - model
     wanted = Spatial(_shortened(beyond.linear, most), _shortened(beyond.angular, LOAD_LEVER * most))
-    put_spatial(state.load_error, error + (1.0 - math.exp(-dt / LOAD_S)) * (wanted - error))
+    put_spatial(state.load_error, error + (1.0 - math.exp(-dt / MEAN_S)) * (wanted - error))
 
 
 @part
 def _shortened(v: Vec, most: float) -> Vec:
     size = v.norm()
     return v if size <= most else (most / size) * v
-
-
-@part
-def gains_for_delay(stiffness: float, damping: float, delay_s: float) -> tuple[float, float]:
-    """Return the gains for joint states that are late: the same loop in slow motion, so that its margin stays.
-
-    k s^2 and d s bear the delay of k and d over s; a quarter is left for the rest of the way. No slower than SLOWEST:
-    a simulation that is behind the wall clock has old stamps without any delay in the loop, and an arm without damping
-    does not come to rest.
-    """
-    delay = math.sqrt(stiffness) * delay_s
-    s = max(SLOWEST, min(1.0, 0.75 * DELAY / delay)) if delay > 0.0 else 1.0
-    return s * s * stiffness, s * damping
 
 
 @part
@@ -115,7 +95,7 @@ def _column(arm: Arm, j: int) -> Spatial:
 
 @part
 def hold_effort(
-    config: HoldConfig, state: Hold, arm: Arm, sample: JointRecord, pad: Mat, r_pad: Vec, late_s: float, torque: Array
+    config: HoldConfig, state: Hold, arm: Arm, sample: JointRecord, pad: Mat, r_pad: Vec, torque: Array
 ) -> None:
     """Write g + (M + J_o^T B_o J_o / 2) (k (q_0 - q) - d qd) to `torque`: one stiffness suits all joints.
 
@@ -128,12 +108,10 @@ def hold_effort(
         sample: position and velocity of the joints; [rad], [rad/s].
         pad: attitude of the pad in the object.
         r_pad: pad centre as seen from the object's centre of mass [m] {ee}.
-        late_s: how late joint states are [s].
         torque: result; (n,) [N m].
     """
     n, motion = config.joints, Spatial(ZERO, ZERO)
-    k, d = gains_for_delay(config.stiffness, config.damping, late_s)
-    qdd = k * (state.posture[:n] - sample.position[:n]) - d * sample.velocity[:n]
+    qdd = config.stiffness * (state.posture[:n] - sample.position[:n]) - config.damping * sample.velocity[:n]
     for j in range(n):
         motion = motion + qdd[j] * _column(arm, j)
     # With J_o of Eq. (14): the object's acceleration is a + r x w, and what it takes acts at the pad.

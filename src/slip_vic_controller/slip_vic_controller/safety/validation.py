@@ -1,4 +1,4 @@
-"""Input validation: what is wrong with a sample when it arrives, and with an input before a cycle uses it.
+"""Input validation: what is wrong with a sample on arrival, and with an input before a cycle uses it.
 
 The clock is an argument: steady time in real time, the joint state's stamp in lockstep. Stamps are compared with stamps
 only, arrival times with arrival times only. A single wrong sample of a joint moves no effort by more than the effort
@@ -17,16 +17,15 @@ from slip_core.cholesky import all_finite
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Records, Vec6, Whole, WholeArray
 from slip_core.vectors import spatial
-from slip_vic_controller.arm.estimator import MOVES
-from slip_vic_controller.arm.joint_estimate import JointRecord
+from slip_vic_controller.arm.estimator import MOVES, JointRecord
 from slip_vic_controller.law.contact import StampedSlip
 from slip_vic_controller.safety.conditions import SAMPLE_FAULTS, Reason
 from slip_vic_controller.sizes import ROOM, Joints
 
 ACCEPT_AFTER = 5
 """Samples in a row that agree with each other after which a jump is a restart of the source."""
-CLOCK_JUMP_S = 0.2
-"""Step of a joint state's stamp beyond the time that passed that is a jump [s]."""
+CLOCK_JUMP_NS = 200_000_000
+"""Step of a joint state's stamp beyond the time that passed that is a jump."""
 JUMP, SLACK = 0.05, 0.5
 """Of joint states: step of a position beyond what twice the velocities explain, and distance beyond a joint's stop, or
 between two control periods by its velocity, at which one is rejected [rad]."""
@@ -66,14 +65,12 @@ class SlipQueue(Record):
 
 
 class JointLimits(Record):
-    """Limits of the joint state: what is absurd, late or frozen."""
+    """Limits from which a joint state is absurd, late or frozen."""
 
     lower: Joints  # rad
     upper: Joints  # rad
     fastest: Real  # rad/s
-    jump: Real  # rad; a step that no velocity has to explain
-    clock_jump_ns: Whole
-    age_ns: Whole
+    age_ns: Whole  # also of a pause of the controller itself that is too long
     frozen_ns: Whole
     still: Real  # rad/s; of joints that are read in steps: slower ones may read the same again and again
     accept_after: Whole  # samples that agree after a jump until it is taken as a restart
@@ -195,7 +192,7 @@ def vector_validity(limits: VectorLimits, state: VectorInput, now_ns: int, joint
     if (state.fault == Reason.FUTURE and state.bad > 1) or state.stamp_ns > joint_stamp_ns + limits.future_ns:
         return Reason.FUTURE.value
     if now_ns - state.arrival_ns > limits.age_ns:
-        # Silent is only who says nothing: "absurdly large" tells a user of an object that has been lost.
+        # Only a sensor that sends nothing is silent: "absurdly large" may mean that the object has been lost.
         recent = state.fault != Reason.NONE and now_ns - state.fault_ns <= limits.age_ns
         return state.fault if recent else Reason.SILENT.value
     if joint_stamp_ns - state.stamp_ns > limits.age_ns:
@@ -233,11 +230,11 @@ def classify_joints(
         speed = abs(qd[j])
         if not (limits.lower[j] <= q[j] <= limits.upper[j] and speed <= limits.fastest):
             return Reason.ABSURD.value
-        explained = limits.jump + coast_s * max(speed, abs(before.velocity[j]))
+        explained = JUMP + coast_s * max(speed, abs(before.velocity[j]))
         jumps = jumps or abs(q[j] - before.position[j]) > explained
     if not follows:
         return Reason.NONE.value
-    if passed_ns <= -limits.clock_jump_ns or passed_ns - (now_ns - before_ns) > limits.clock_jump_ns:
+    if passed_ns <= -CLOCK_JUMP_NS or passed_ns - (now_ns - before_ns) > CLOCK_JUMP_NS:
         return Reason.CLOCK_JUMP.value
     if passed_ns <= 0:
         return Reason.OUT_OF_ORDER.value
@@ -278,7 +275,7 @@ def receive_joints(
             derived.
         refused: whether the message itself was not what it should be.
         now_ns: arrival.
-        one_source: whether nobody else publishes joint states of this arm.
+        one_source: whether no other node publishes joint states of this arm.
     """
     if refused:
         state.counts[Reason.REFUSED] += 1
@@ -290,7 +287,7 @@ def receive_joints(
         qd[:] = last.velocity[:n]
     fault = classify_joints(limits, stamp_ns, q, qd, now_ns, last, state.arrival_ns, follows)
     if fault == Reason.JUMP and one_source and now_ns - state.arrival_ns > limits.age_ns:
-        # Nobody has seen where the arm went in the meantime: efforts for the old posture would kick it.
+        # The motion in between was not measured: efforts for the old posture would kick the arm.
         fault = Reason.RESTARTED.value
     if fault == Reason.CLOCK_JUMP or fault == Reason.JUMP:
         again = fault
@@ -349,9 +346,3 @@ def await_answer(state: JointInput, stamp_ns: int, q: Array, qd: Array, effort: 
 def frozen(limits: JointLimits, state: JointInput, now_ns: int) -> bool:
     """Return whether the values have been equal to the last bit for longer than measured ones can while moving."""
     return bool(state.known != 0 and now_ns - state.equal_since_ns > limits.frozen_ns)
-
-
-@part
-def silent(limits: JointLimits, state: JointInput, now_ns: int) -> bool:
-    """Return whether no good joint state has come for the age limit."""
-    return bool(state.known != 0 and now_ns - state.arrival_ns > limits.age_ns)

@@ -13,7 +13,6 @@ from slip_vic_controller.safety.validation import (
     rebase_vector,
     receive_joints,
     receive_vector,
-    silent,
     take_replaced,
     unanswered,
     usable,
@@ -84,7 +83,7 @@ def receive_slip(
 def is_silent(config: Array, state: Array, now_ns: int) -> bool:
     """Return whether no good joint state has come for the age limit."""
     c, s = record(config, CONFIG), record(state, ARM_STATE)
-    return silent(c.joint, s.joint, now_ns)
+    return bool(s.joint.known != 0 and now_ns - s.joint.arrival_ns > c.joint.age_ns)
 
 
 @kernel(BOOL(IN1, OUT1, OUT1, INT, INT, INT, INT))

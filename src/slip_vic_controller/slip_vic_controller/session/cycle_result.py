@@ -1,29 +1,34 @@
-"""The result of a cycle for one arm: its command, its mode and reason, its ledger, and the numbers worth plotting."""
+"""The result of a cycle for one arm: its command, its mode and reason, its ledger, and the numbers worth plotting.
+
+The incidents of a run are found in its results, each kind once.
+"""
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from slip_core.arrays import Array, readonly
 from slip_core.records import new, place, record
-from slip_core.types import JointCommand, JointSample
+from slip_core.types import Incident, JointCommand, JointSample
+from slip_vic_controller.config.controller import ArmController
 from slip_vic_controller.cycle.cycle import describe as describe_cycle
 from slip_vic_controller.law.symbols import SYMBOLS, published
-from slip_vic_controller.safety.conditions import Reason, describe, reason_fields
-from slip_vic_controller.safety.modes import Mode
-from slip_vic_controller.session.controller import ArmController
+from slip_vic_controller.safety.conditions import Mode, Reason, describe, reason_fields
 from slip_vic_controller.state import GOVERNED, INPUTS, OUTPUTS
 
 _LEDGER = place(OUTPUTS, "ledger")
 _EFFORT = place(OUTPUTS, "effort")
-_OK, _CAUSE = place(OUTPUTS, "ok").start, place(OUTPUTS, "mode.reason").start
+_CAUSE = place(OUTPUTS, "mode.reason").start
 _REASON = slice(_CAUSE, _CAUSE + 4)
 _GOVERNED, _GOVERNED_NAMES = place(OUTPUTS, "governor"), GOVERNED.names or ()
 _GRIP = place(OUTPUTS, "grip").start
 
 NO_NUMBERS = readonly(np.zeros(0))
+
+UNREACHABLE_S: Final = 2.0
+"""How long the path may wait for the arm, or for friction, before its end is reported as not reached."""
 
 
 class Health(NamedTuple):
@@ -83,19 +88,9 @@ class CycleResult:
         return self.outputs[_LEDGER][begin:end].view(np.int64).tolist()
 
     @property
-    def cycle(self) -> int:
-        """Number of the cycle."""
-        return self.ledger[0]
-
-    @property
     def grip(self) -> float:
         """Grip force that is commanded [N]."""
         return float(self.outputs[_GRIP])
-
-    @property
-    def ok(self) -> bool:
-        """Whether the effort is the law's."""
-        return bool(self.outputs.view(np.int64)[_OK])
 
     @property
     def reason_key(self) -> tuple[int, ...]:
@@ -143,3 +138,39 @@ class CycleResult:
     def _governed(self) -> bool:
         params = self._controller.params
         return params.governor.mode != "off" or params.trajectory.kind == "goal"
+
+
+class IncidentWatch:
+    """Looks at one result after the other; those in which the law follows its path as planned need not be shown."""
+
+    def __init__(self) -> None:
+        self._told: set[str] = set()
+        self._began_ns: int | None = None
+        self._waits_ns: int | None = None
+
+    def see(self, result: CycleResult) -> Incident | None:
+        """Return what went wrong and was not reported yet."""
+        now_ns = result.joint.stamp_ns
+        if self._began_ns is None:
+            self._began_ns = now_ns
+        if result.mode is Mode.ACTIVE:
+            self._waits_ns = None
+            return None
+        cause = result.reason_key[0]
+        if cause != Reason.PATH_WAITS:
+            self._waits_ns = None
+        elif self._waits_ns is None:
+            self._waits_ns = now_ns
+        kind = self._kind(result.mode, cause, now_ns)
+        if not kind or kind in self._told:
+            return None
+        self._told.add(kind)
+        return Incident(kind, 1e-9 * (now_ns - self._began_ns), result.reason)
+
+    def _kind(self, mode: Mode, cause: int, now_ns: int) -> str:
+        if mode is Mode.FAULT:
+            return "fault"
+        if cause == Reason.SATURATED:
+            return "saturated"
+        waited_ns = 0 if self._waits_ns is None else now_ns - self._waits_ns
+        return "unreachable" if cause == Reason.PATH_TOO_HEAVY or waited_ns > 1e9 * UNREACHABLE_S else ""

@@ -79,7 +79,7 @@ def find_hand(
         raise InputError(
             f"arm to link {link}",
             got=f"{len(joints)} moving joints ({', '.join(joints)})",
-            expected=f"at least {LEAST_JOINTS}, which bring the pad to a place",
+            expected=f"at least {LEAST_JOINTS}, which position the pad",
             fix=f"--ee names another link; left out: {', '.join(sorted(fingers(root)) or ['no finger'])}",
         )
     if not approach:

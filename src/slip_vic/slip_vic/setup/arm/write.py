@@ -20,14 +20,14 @@ from slip_core.params import build, flatten
 from slip_core.types import AXES
 from slip_vic.presets import preset_text
 from slip_vic.scenarios.parameter_files import commented_file, write_files
-from slip_vic.scenarios.reach import judge_inertia, pad_path
-from slip_vic.scenarios.scenario import NODES, Scenario, load_scenario
+from slip_vic.scenarios.reach import pad_path
+from slip_vic.scenarios.scenario import NODES, Scenario, load
 from slip_vic.setup.arm.driver import Driver, driver_files
 from slip_vic.setup.arm.hand import Hand, find_hand
 from slip_vic.setup.arm.posture import Start, best_start, postures
 from slip_vic.setup.arm.write_urdf import PAD, Limits, arm_urdf
+from slip_vic_controller.law.gains import judge_inertia
 from slip_vic_controller.params.controller_params import ControllerParams
-from slip_vic_controller.params.node_params import ControllerNodeParams
 from slip_vic_controller.robot import Robot
 
 URDF_NAME = "arm.urdf"
@@ -101,7 +101,7 @@ class Arm:
         Raises:
             InputError: where no start has the whole path within reach, speed and effort.
         """
-        known = load_scenario(base)
+        known = load(base)
         controller = known.controller
         rotation = Robot(known.urdf, controller.ee_frame, controller.joint_names).frame(
             np.array(known.bridge.initial_position)
@@ -124,7 +124,7 @@ class Arm:
         content, said = self._content(base, start, scale), []
         if not start.way.given.all():
             said.append(self._follows(content["controller"]["trajectory"], start, path[-1]))
-        wrist = judge_inertia(robot, start.posture, controller)
+        wrist = judge_inertia(controller, robot.joint_names, robot.inertia)
         if not wrist.holds:
             content["shared"]["drive"] = {"armature": [ROTOR]}
             said.append(f"{wrist.reason}: {ROTOR:g} kg m2 is assumed for every joint, correct it from the data sheet")
@@ -136,7 +136,7 @@ class Arm:
         trajectory: of the scenario file, changed; end: of its path (6,) [m, rad].
         """
         first, last = (self.robot.frame(q)[1] for q in start.way.joints[[0, -1]])
-        turned = [round(float(value), _ROUNDED) for value in Rotation.from_matrix(last @ first.T).as_rotvec()]
+        turned = np.round(Rotation.from_matrix(last @ first.T).as_rotvec(), _ROUNDED).tolist()
         if "rotation" in trajectory:
             trajectory["rotation"] = turned
         axes = [[name for name, there in zip(AXES, start.way.given, strict=True) if there == kept] for kept in (1, 0)]
@@ -158,7 +158,7 @@ class Arm:
         if scale != 1.0:
             _scale(controller["trajectory"], scale)
         way = start.way
-        bridge["initial_position"] = [round(float(value), _ROUNDED) for value in start.posture]
+        bridge["initial_position"] = np.round(start.posture, _ROUNDED).tolist()
         sources = content.get("sources", [])
         sources = [sources] if isinstance(sources, str) else sources
         content["sources"] = [
@@ -173,9 +173,7 @@ def _scale(trajectory: dict[str, Any], scale: float) -> None:
     """Make a trajectory of a scenario file larger or smaller, at equal accelerations."""
     for keys, factor in ((_LENGTHS, scale), (_TIMES, math.sqrt(scale))):
         for key in keys & trajectory.keys():
-            value = trajectory[key]
-            many = [round(factor * one, _ROUNDED) for one in (value if isinstance(value, list) else [value])]
-            trajectory[key] = many if isinstance(value, list) else many[0]
+            trajectory[key] = np.round(np.multiply(factor, trajectory[key]), _ROUNDED).tolist()
 
 
 def failing(start: Start | None, robot: Robot, params: ControllerParams) -> str:
@@ -222,12 +220,11 @@ def write_arm(
         files[f"{name}.yaml"] = head + text
     _write(folder, files)
     settings = driver.settings if driver else {}
-    real = {
-        f"{name}_controller_realtime.yaml": real_parameters(loaded, driver)
-        for name in tasks
-        for path in [str(folder.absolute() / f"{name}.yaml")]
-        for loaded in [load_scenario(path, law="governed", drive=drive, sensor=sensor)]
-    }
+    real = {}
+    for name in tasks:
+        path = str(folder.absolute() / f"{name}.yaml")
+        loaded = load(path, law="governed", drive=drive, sensor=sensor)
+        real[f"{name}_controller_realtime.yaml"] = real_parameters(loaded, driver)
     more = {
         name: f"{_REAL_HEAD}{commented_file(params, NODES['controller'][0], (*_ALWAYS, *settings))}"
         for name, params in real.items()
@@ -258,7 +255,7 @@ def _write(folder: Path, files: dict[str, str]) -> None:
     write_files(folder, files | {DIGESTS: "".join(f"{digest}  {name}\n" for name, digest in made.items())})
 
 
-def real_parameters(scenario: Scenario, driver: Driver | None = None) -> ControllerNodeParams:
+def real_parameters(scenario: Scenario, driver: Driver | None = None) -> ControllerParams:
     """Return the controller's parameters for the first start on the real arm of a scenario.
 
     It holds the arm where it finds it, and does not leave HOLD by itself; the governor learns the friction instead of
@@ -275,7 +272,7 @@ def real_parameters(scenario: Scenario, driver: Driver | None = None) -> Control
         "publish_effort_array": driver is not None and known.command.interface == "effort",
     }
     values |= driver.settings if driver else {}
-    return build(ControllerNodeParams, values, f"scenario {scenario.name}: the real arm")
+    return build(ControllerParams, values, f"scenario {scenario.name}: the real arm")
 
 
 def way_table(arm: Arm, name: str, start: Start) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fnmatch
 import math
+import warnings
 from collections.abc import Mapping
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
@@ -32,7 +33,6 @@ PAD = "slip_pad"
 GRAVITY = float(np.linalg.norm(ArmParams().gravity))
 _SLACK = 1e-6
 """Part of the largest principal moment that the smallest two are given beyond what is just possible."""
-_GIMBAL = 1e-9
 _SHAPE_RADIUS, _SHORTEST = 0.035, 0.02
 """[m] Cylinders that are drawn in the place of meshes, and the shortest lever that gets one."""
 
@@ -70,18 +70,19 @@ def arm_urdf(
 
 
 def _limit(root: Element, hand: Hand, limits: Limits, said: list[str], *, by_effort: bool) -> None:
-    """Set the limits that are given; find those of the file that stand for unknown ones, as 0, -1 and 1 of all do."""
+    """Set the given limits; find placeholders for unknown ones in the file, such as 0, -1, or 1 at all joints."""
     joints = {name: joint for name, joint in named(root, "joint").items() if name in hand.joints}
+    found: dict[str, Element] = {}
+    for name, joint in joints.items():
+        limit = joint.find("limit")
+        found[name] = SubElement(joint, "limit") if limit is None else limit
     for pattern, given in limits.items():
         chosen = fnmatch.filter(joints, pattern)
         if not chosen:
             raise UnknownName("joint", pattern, joints, where="--limit")
         for name in chosen:
-            limit = joints[name].find("limit")
-            limit = SubElement(joints[name], "limit") if limit is None else limit
             for key, value in given.items():
-                limit.set(key, f"{value:g}")
-    found = {name: joint.find("limit") for name, joint in joints.items() if joint.find("limit") is not None}
+                found[name].set(key, f"{value:g}")
     for key, unit in (("velocity", "rad/s"), ("effort", "N m")):
         values = {name: numbers_of(limit, key, (0.0,))[0] for name, limit in found.items()}
         same = set(values.values()) == {1.0} and not any(key in given for given in limits.values())
@@ -91,7 +92,7 @@ def _limit(root: Element, hand: Hand, limits: Limits, said: list[str], *, by_eff
         elif unknown and key == "effort" and not by_effort:
             most = _largest_effort(root, hand)
             for name in unknown:
-                joints[name].find("limit").set(key, f"{most:.4g}")  # type: ignore[union-attr]
+                found[name].set(key, f"{most:.4g}")
             said.append(
                 f"no effort limit of {', '.join(unknown)}: {most:.3g} N m is assumed, the arm's weight at its end"
             )
@@ -119,11 +120,12 @@ def _lock(root: Element, hand: Hand, positions: Mapping[str, float], said: list[
     for name in positions:
         if name not in joints:
             raise UnknownName("joint", name, joints, where="--lock")
-        _check_lock(joints[name], positions[name])
-    where = dict(positions)
-    for name, joint in joints.items():
-        if name not in hand.joints and joint.get("type") != "fixed" and joint.find("mimic") is None:
-            where.setdefault(name, _rest(joint))
+    where = {
+        name: _locked(joint, positions.get(name))
+        for name, joint in joints.items()
+        if name in positions
+        or (name not in hand.joints and joint.get("type") != "fixed" and joint.find("mimic") is None)
+    }
     for name, joint in joints.items():
         follows = joint.find("mimic")
         if follows is not None and name not in hand.joints:
@@ -145,8 +147,8 @@ def _lock(root: Element, hand: Hand, positions: Mapping[str, float], said: list[
             _place(joint, position, rotation)
 
 
-def _check_lock(joint: Element, value: float) -> None:
-    """Check that a joint can stay somewhere.
+def _locked(joint: Element, wanted: float | None) -> float:
+    """Return where a joint stays [rad, m]: where it is wanted, else at 0 or the nearest limit.
 
     Raises:
         InputError: beyond its limits, or no number.
@@ -154,17 +156,13 @@ def _check_lock(joint: Element, value: float) -> None:
     limit, (low, high) = joint.find("limit"), (-math.inf, math.inf)
     if limit is not None and joint.get("type") in ("revolute", "prismatic"):
         low, high = float(limit.get("lower", "0")), float(limit.get("upper", "0"))
-    if not (math.isfinite(value) and low <= value <= high):
+    if wanted is None:
+        return min(max(0.0, low), high)
+    if not (math.isfinite(wanted) and low <= wanted <= high):
         raise InputError(
-            f"--lock {joint.get('name')}", got=f"{value:g}", expected=f"within its limits {low:g}..{high:g} [rad, m]"
+            f"--lock {joint.get('name')}", got=f"{wanted:g}", expected=f"within its limits {low:g}..{high:g} [rad, m]"
         )
-
-
-def _rest(joint: Element) -> float:
-    limit = joint.find("limit")
-    if limit is None or joint.get("type") == "continuous":
-        return 0.0
-    return min(max(0.0, float(limit.get("lower", "0"))), float(limit.get("upper", "0")))
+    return wanted
 
 
 def _place(element: Element, position: Array, rotation: Array) -> None:
@@ -173,16 +171,9 @@ def _place(element: Element, position: Array, rotation: Array) -> None:
     if origin is None:
         origin = SubElement(element, "origin")
     origin.set("xyz", " ".join(f"{v:.12g}" for v in position))
-    origin.set("rpy", " ".join(f"{v:.12g}" for v in _rpy(rotation)))
-
-
-def _rpy(R: Array) -> tuple[float, float, float]:
-    """Return roll, pitch, yaw of a rotation (3, 3), roll 0 where only their sum or difference counts."""
-    level = math.hypot(R[0, 0], R[1, 0])
-    pitch = math.atan2(-R[2, 0], level)
-    if level < _GIMBAL:
-        return 0.0, pitch, math.atan2(-R[0, 1], R[1, 1])
-    return math.atan2(R[2, 1], R[2, 2]), pitch, math.atan2(R[1, 0], R[0, 0])
+    with warnings.catch_warnings(action="ignore"):  # at a pitch of 90 degrees only the sum of roll and yaw counts
+        rpy = Rotation.from_matrix(rotation).as_euler("xyz")
+    origin.set("rpy", " ".join(f"{v:.12g}" for v in rpy))
 
 
 def _mend_inertias(root: Element, hand: Hand, said: list[str]) -> None:

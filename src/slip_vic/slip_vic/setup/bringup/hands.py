@@ -7,13 +7,15 @@ from functools import partial
 from typing import TYPE_CHECKING, Final
 
 import click
+import numpy as np
 
-from slip_core.arrays import Array
-from slip_sim_bridge.params import HOLD_STIFFNESS
+from slip_core.arrays import Array, matrix_from_quat_xyzw
+from slip_sim_bridge.params import HOLD_STIFFNESS, BridgeParams
 from slip_vic.setup.bringup.heard import BRIDGE, Heard, joined
 
 if TYPE_CHECKING:
     from slip_vic.setup.bringup.ros_system import RosSystem
+    from slip_vic_controller.params.controller_params import ControllerParams
 
 SETTLED_S: Final = 0.3
 READ_S: Final = 0.2
@@ -25,16 +27,23 @@ FIRM_N: Final = 40.0
 LIGHTLY: Final = 1e-3  # of the grip of use: the object stays where it is supported
 
 
+def weight_on_pad(params: BridgeParams | ControllerParams, rotation: Array) -> Array:
+    """Return the wrench of the resting object on the pad; rotation of {ee} in {w} (3, 3) -> (6,) [N, N m] {w}."""
+    force = params.object.mass * np.array(params.gravity)
+    p_R_o = matrix_from_quat_xyzw(params.contacts.orientation_xyzw[:4]).T
+    lever = rotation @ p_R_o @ np.array(params.contacts.position[:3])
+    return np.concatenate((force, -np.cross(lever, force)))
+
+
 class Person:
     """Asks the person beside the arm.
 
     Args:
         system: to listen to.
-        names: of the joints.
     """
 
-    def __init__(self, system: RosSystem, names: tuple[str, ...]) -> None:
-        self._system, self._names = system, names
+    def __init__(self, system: RosSystem) -> None:
+        self._system = system
 
     def ready(self, words: str) -> None:
         """Wait for Enter."""
@@ -42,21 +51,24 @@ class Person:
 
     def turn(self, joint: int, inertia: Array) -> Heard:
         """Ask for a few degrees of one joint in its positive sense; inertia: (n, n), in this posture."""
-        how = "" if self._system.params.command.interface == "effort" else ", from the pendant or in free drive,"
-        return self._during(f"turn {self._names[joint]}{how} by a few degrees in its positive sense, and keep it there")
+        params = self._system.params
+        how = "" if params.command.interface == "effort" else ", with the pendant or in free drive,"
+        return self._during(
+            f"turn {params.joint_names[joint]}{how} by a few degrees in its positive direction, and hold it there"
+        )
 
     def push(self, words: str, direction: Array) -> Heard:
         """Ask for a push of the object; direction: (3,) {w}."""
         return self._during(f"push the object steadily along {words} of the arm's base")
 
-    def slide(self, words: str, turns: bool, lean: Array, support: Array) -> Heard:
+    def slide(self, words: str, turns: bool, lean: Array, rotation: Array) -> Heard:
         """Ask for a motion of the hand with the object held fast, some 10 mm or 20 degrees."""
         what = "turn the hand by some 20 degrees about" if turns else "move the hand by some 10 mm along"
         return self._during(f"grip lightly, hold the object fast, {what} {words} of ee_frame and back", 0.0)
 
     def grip(self, *, firmly: bool) -> None:
         """Ask for a grip, firm or as in use, with the object where it belongs."""
-        how = "firmly" if firmly else "with the force of use, at contacts.position"
+        how = "firmly" if firmly else "with its usual force, at contacts.position"
         click.prompt(f"  let the gripper hold the object {how}, then Enter", default="", show_default=False)
 
     def _during(self, words: str, settle_s: float = 1.0) -> Heard:
@@ -70,14 +82,14 @@ class Simulated:
 
     Args:
         system: with a simulated arm.
-        grip: its `grip.force`, the force of use [N].
+        simulated: its parameters.
     """
 
-    def __init__(self, system: RosSystem, grip: float) -> None:
-        self._system, self._grip = system, grip
+    def __init__(self, system: RosSystem, simulated: BridgeParams) -> None:
+        self._system, self._simulated = system, simulated
 
     def ready(self, words: str) -> None:
-        """Continue: nobody stands beside a simulated arm."""
+        """Continue: a simulated arm needs no person."""
 
     def turn(self, joint: int, inertia: Array) -> Heard | None:
         """Push all joints such that one moves alone; None: drives with their own loop hold against it."""
@@ -89,11 +101,15 @@ class Simulated:
         """Push with `PUSH_N`."""
         return self._leaning("push.wrench", [*(PUSH_N * direction).tolist(), *NO_TORQUE])
 
-    def slide(self, words: str, turns: bool, lean: Array, support: Array) -> Heard | None:
-        """Lean on the arm with an effort (n,) [N m], and support the object (6,) [N, N m] {w}; None: see `turn`."""
+    def slide(self, words: str, turns: bool, lean: Array, rotation: Array) -> Heard | None:
+        """Lean on the arm with an effort (n,) [N m], and support the object; rotation of {ee} {w}; None: see `turn`.
+
+        The support is exactly the object's weight: any other force moves the object for as long as the grip is light.
+        """
         if self._system.params.command.interface != "effort":
             return None
-        self._system.tune({"grip.force": LIGHTLY * self._grip, "push.wrench": support.tolist()}, BRIDGE)
+        support = -weight_on_pad(self._simulated, rotation)
+        self._system.tune({"grip.force": LIGHTLY * self._simulated.grip.force, "push.wrench": support.tolist()}, BRIDGE)
         try:
             there = self._system.listen(SETTLED_S, partial(self._tune, "push.effort", lean.tolist()))
             back = self._system.listen(SETTLED_S, partial(self._tune, "push.effort", [0.0] * len(lean)))
@@ -107,7 +123,7 @@ class Simulated:
         """Put the object back where it belongs, then grip: a reset begins with the simulation's own grip."""
         self._system.ask("reset", BRIDGE)
         self._system.listen(SETTLED_S)
-        self._tune("grip.force", FIRM_N if firmly else self._grip)
+        self._tune("grip.force", FIRM_N if firmly else self._simulated.grip.force)
         self._system.listen(SETTLED_S)
 
     def _leaning(self, name: str, value: list[float]) -> Heard:

@@ -35,7 +35,7 @@ class Track(NamedTuple):
 
     @property
     def rate(self) -> float:
-        """Rate by stamps [Hz]; NaN where there are fewer than two. Gaps, in which nobody listened, do not count."""
+        """Rate by stamps [Hz]; NaN with fewer than two. Gaps between recordings do not count."""
         steps = np.diff(np.unique(self.stamp))
         return 1.0 / float(steps[steps < 3.0 * np.median(steps)].mean()) if len(steps) else math.nan
 

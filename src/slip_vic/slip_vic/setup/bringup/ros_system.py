@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import numpy as np
 from builtin_interfaces.msg import Duration
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
-from rcl_interfaces.srv import GetParameters, SetParameters
+from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node, NodeNameNonExistentError
-from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
@@ -20,17 +20,19 @@ from std_srvs.srv import Trigger
 from slip_core.arrays import Array
 from slip_core.errors import InputError, ProtocolError
 from slip_core.files.urdf_file import arm_urdf
-from slip_core.params import build, parameter_infos
+from slip_core.params import ParameterModel, build, parameter_infos
 from slip_core.stamps import stamp_to_ns
 from slip_core.topics import TOPICS
 from slip_core.types import CartesianReference
 from slip_msgs_py.messages import to_msgs
 from slip_msgs_py.messages.from_msgs import joint_indices, vector6
+from slip_msgs_py.node_shell import NodePart
 from slip_msgs_py.qos import create_publisher
 from slip_vic.run.peer import Asker, Listener
 from slip_vic.setup.bringup.heard import SCALARS, Heard, Status, Track
-from slip_vic_controller.params.node_params import ControllerNodeParams
+from slip_vic_controller.params.controller_params import ControllerParams
 
+Params = TypeVar("Params", bound=ParameterModel)
 CONTROLLER: Final = "slip_vic_controller"
 INPUTS: Final = ("joint_states", "wrench", "slip_velocity")
 ANSWER_S: Final = 10.0
@@ -54,8 +56,7 @@ class RosSystem:
     def __init__(self, node: Node, namespace: str) -> None:
         self._asker = Asker(node)
         self._node, self._ns = node, f"/{namespace.strip('/')}".rstrip("/")
-        names = [info.name for info in parameter_infos(ControllerNodeParams)]
-        self.params = build(ControllerNodeParams, self.parameters(names), CONTROLLER)
+        self.params = self.parameters(ControllerParams)
         self.urdf = arm_urdf(self.params)
         if self._state() == State.PRIMARY_STATE_UNCONFIGURED:
             self._change(Transition.TRANSITION_CONFIGURE)
@@ -64,7 +65,7 @@ class RosSystem:
         self._status = Status()
         self._said = self._subscribe("controller/goal", latched=True)
         self._diagnostics = self._subscribe("/diagnostics", "/diagnostics")
-        self._goals = create_publisher(node, "goal", actual_name=f"{self._ns}/goal")
+        self._goals = create_publisher(NodePart(node, f"{self._ns}/"), "goal")
         self._until(lambda: self._goals.get_subscription_count() > 0)
         self._until(lambda: bool(self.status.mode))  # an inactive controller has not published one yet
 
@@ -108,11 +109,8 @@ class RosSystem:
 
     def set_active(self, active: bool) -> None:
         """Activate or deactivate the controller."""
-        state = self._state()
-        if active and state == State.PRIMARY_STATE_INACTIVE:
-            self._change(Transition.TRANSITION_ACTIVATE)
-        elif not active and state == State.PRIMARY_STATE_ACTIVE:
-            self._change(Transition.TRANSITION_DEACTIVATE)
+        if self._state() == (State.PRIMARY_STATE_INACTIVE if active else State.PRIMARY_STATE_ACTIVE):
+            self._change(Transition.TRANSITION_ACTIVATE if active else Transition.TRANSITION_DEACTIVATE)
 
     def ask(self, request: str, node: str = CONTROLLER) -> None:
         """Call a service without arguments.
@@ -136,17 +134,14 @@ class RosSystem:
             if not result.successful:
                 raise ProtocolError(f"{self._ns}/{node}: {result.reason}")
 
-    def parameters(self, names: list[str], node: str = CONTROLLER) -> dict[str, Any]:
-        """Return parameters that are set.
+    def parameters(self, model: type[Params], node: str = CONTROLLER) -> Params:
+        """Return all parameters of a node.
 
         Raises:
             InputError: there is no such node.
         """
-        answer = self._call(GetParameters, f"{node}/get_parameters", GetParameters.Request(names=names))
-        values = ((name, parameter_value_to_python(value)) for name, value in zip(names, answer.values, strict=True))
-        return {
-            name: list(value) if hasattr(value, "typecode") else value for name, value in values if value is not None
-        }
+        names = [info.name for info in parameter_infos(model)]
+        return build(model, self._asker.parameters(f"{self._ns}/{node}", names, ANSWER_S), node)
 
     def send_goal(self, position: Array, rotation: Array, duration_s: float) -> None:
         """Publish a goal."""

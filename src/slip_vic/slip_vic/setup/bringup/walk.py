@@ -1,4 +1,4 @@
-"""The steps of a bring-up: each measures, judges and says what to do; the next follows only if it holds."""
+"""The steps of a bring-up: each measures, judges and has a fix; the next follows only if it holds."""
 
 from __future__ import annotations
 
@@ -8,15 +8,16 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
-import yaml
 
-from slip_core.arrays import Array, matrix_from_quat_xyzw
+from slip_core.arrays import Array
 from slip_core.errors import InputError, SlipVicError
-from slip_core.params import nested_names
+from slip_core.params import build
 from slip_core.records import new, record
 from slip_core.vectors import mat
 from slip_sim_bridge.params import HOLD_STIFFNESS
-from slip_vic.setup.bringup.hands import Hands
+from slip_vic.scenarios.parameter_files import commented_file
+from slip_vic.scenarios.scenario import NODES
+from slip_vic.setup.bringup.hands import Hands, weight_on_pad
 from slip_vic.setup.bringup.heard import Heard, Status, Track, joined
 from slip_vic.setup.slip_sensor import SLIP_SPEED, slide_mistake
 from slip_vic_controller.interfaces import WRENCH_SENSOR, fill_wrench_sensor, wrench_at_pad
@@ -115,9 +116,9 @@ class Walk:
     def parameter_file(self) -> str:
         """Return what was measured, as a ROS parameter file of the controller."""
         values = {name: float(f"{value:.4g}") for name, value in self.measured.items()}
-        content = {"/**/slip_vic_controller": {"ros__parameters": nested_names(values)}}
         head = "# Measured by `slip-vic bringup`: for the controller after its own file; --params of run and check.\n"
-        return head + yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=120)
+        node, model = NODES["controller"]
+        return head + commented_file(build(model, values, "measured"), node, tuple(values))
 
     # -- nothing moves -----------------------------------------------------------------------------
 
@@ -140,8 +141,8 @@ class Walk:
     def _controller(self) -> Verdict:
         """Judge whether the controller was started as a bring-up needs it."""
         params, mode = self._params, self._system.status.mode
-        found = params.trajectory.kind, params.governor.mode, params.governor.friction, params.safety.auto_enable
-        kind, governor, friction, auto = found
+        kind, governor = params.trajectory.kind, params.governor.mode
+        friction, auto = params.governor.friction, params.safety.auto_enable
         return judge(
             "controller",
             f"trajectory.kind {kind}, governor.mode {governor}, governor.friction {friction}, "
@@ -183,17 +184,18 @@ class Walk:
             f"below {RESTING_SPEED} rad/s, {most:.3g} N ({NOISE_SHARE:g} of governor.friction_limit), "
             f"{1e3 * SLIP_OFFSET:.0f} mm/s",
             (not speed < RESTING_SPEED, "let the arm come to rest"),
-            (math.isnan(offset), "the slip sensor reports that it does not measure: see its own messages"),
+            (math.isnan(offset), "the slip sensor reports NaN: see its own messages"),
             (
                 not offset < SLIP_OFFSET,
-                "the slip sensor reads slip where there is none: calibrate it; is its unit m/s?",
+                "the slip sensor reports slip at rest: calibrate it; is its unit m/s?",
             ),
-            (not force < most, "filter the wrench in its driver, or grip harder and set governor.friction_limit"),
+            (not force < most, "filter the wrench in the driver, or grip harder and set governor.friction_limit"),
         )
 
     def _weighed(self, heard: Heard) -> Verdict:
         """Judge the wrench at rest against the weight of the object."""
-        (force, torque), (expected_force, expected_torque) = self._wrench(heard), self._weight(heard.position)
+        (force, torque), rotation = self._wrench(heard), self._robot.frame(heard.position)[1]
+        expected_force, expected_torque = np.split(weight_on_pad(self._params, rotation), 2)
         weight, size = float(np.linalg.norm(expected_force)), float(np.linalg.norm(force))
         bias = self._params.wrench_sensor.bias_force
         slack = max(WEIGHT_SLACK * weight, 2.0 * bias)
@@ -203,30 +205,22 @@ class Walk:
             "weight",
             f"force {_text(force)} N, and a torque that is {1e3 * lever:.0f} mm of lever off",
             f"{_text(expected_force)} N +- {slack:.2f}, and at most {1e3 * LEVER_SLACK:.0f} mm, by object.mass",
-            (off and np.linalg.norm(force + expected_force) < slack, "it points the other way: change wrench.sign"),
+            (off and np.linalg.norm(force + expected_force) < slack, "the force is reversed: change wrench.sign"),
             (
                 off and turn > TURNED and abs(size - weight) < slack,
-                f"it is turned by {math.degrees(turn):.0f} degrees: wrench.frame or wrench.rpy, or joint_names",
+                f"it is turned by {math.degrees(turn):.0f} degrees: correct wrench.frame, wrench.rpy or joint_names",
             ),
-            (off and turn > ASKEW, "unload the sensor and zero it; then wrench.frame, wrench.rpy, wrench.tool_mass"),
+            (off and turn > ASKEW, "unload and zero the sensor; then check wrench.frame, wrench.rpy, wrench.tool_mass"),
             (
                 off,
-                f"it is {size:.3g} N for {weight:.3g} N: zero the unloaded sensor; then wrench.force_scale, "
+                f"{size:.3g} N instead of {weight:.3g} N: zero the sensor unloaded; then check wrench.force_scale, "
                 "wrench.tool_mass or object.mass",
             ),
             (
                 lever > LEVER_SLACK,
-                "wrench.torque_scale, wrench.position, wrench.rpy, wrench.tool_com or contacts.position",
+                "correct wrench.torque_scale, wrench.position, wrench.rpy, wrench.tool_com or contacts.position",
             ),
         )
-
-    def _weight(self, q: Array) -> tuple[Array, Array]:
-        """Return force and torque of the resting object's weight on the pad; (3,) [N], [N m] {w}."""
-        params, R = self._params, self._robot.frame(q)[1]
-        force = params.object.mass * np.array(params.gravity)
-        p_R_o = matrix_from_quat_xyzw(params.contacts.orientation_xyzw[:4]).T
-        lever = R @ p_R_o @ np.array(params.contacts.position[:3])
-        return force, -np.cross(lever, force)
 
     def _wrench(self, heard: Heard) -> tuple[Array, Array]:
         """Return mean force and torque as the controller takes them, on world axes; (3,) [N], [N m] {w}."""
@@ -253,16 +247,15 @@ class Walk:
         params, q, heard = self._params, before.position, list[Heard]()
         axes, radius = np.array(params.contacts.slip_axes[:6], float), params.governor.torsional_radius
         R, J = self._robot.frame(q)[1:]
-        support = np.concatenate(self._wrench(before) if self._has_wrench else self._weight(q))
         for k in np.flatnonzero(axes):
             way = np.zeros(6)
             way[3 * (k // 3) :][:3] = (SLID if k < 3 else SPUN) * R[:, k % 3]
             lean = HOLD_STIFFNESS * self._inertia(q) @ np.linalg.pinv(J) @ way
-            slid = self._hands.slide(AXES[k % 3], bool(k >= 3), lean, -support)
+            slid = self._hands.slide(AXES[k % 3], bool(k >= 3), lean, R)
             heard += [slid] if slid is not None else []
         step, expected = "slide", "the motion of the pad on the object"
         if not heard:
-            return Verdict(step, "not moved: drives hold against the simulated hand", expected)
+            return Verdict(step, "not moved: the drives resist the simulated hand", expected)
         (joints, _, slip, _), scale = joined(heard), axes * np.repeat([1.0, radius], 3)
         words, to_do, moved, read = slide_mistake(self._robot, joints, slip, scale, self._noticed)
         return judge(
@@ -270,7 +263,7 @@ class Walk:
             f"slip_velocity {words}" if words else f"{1e3 * read:.0f} mm of {1e3 * moved:.0f} mm slid",
             expected,
             (moved < LEAST_SLIDE, "move the hand further, with the object held fast"),
-            (read == 0.0, "no slip was measured: grip less, and look at the sensor"),
+            (read == 0.0, "no slip was measured: grip more lightly, and check the sensor"),
             (bool(words), to_do),
         )
 
@@ -280,19 +273,19 @@ class Walk:
         step, name = f"joint {names[joint]}", names[joint]
         expected = f"{name} by more than {LEAST_TURN:+g}, the others by less than half of it"
         if moved is None:
-            return Verdict(step, "not turned: its drive holds against the simulated hand", expected)
+            return Verdict(step, "not turned: its drive resists the simulated hand", expected)
         most, others = int(np.abs(moved).argmax()), np.delete(moved, joint)
         return judge(
             step, f"{names[most]} by {moved[most]:+.3f}", expected,
-            (abs(moved[most]) < LEAST_TURN, "it did not move enough: turn it further, or release its brake"),
+            (abs(moved[most]) < LEAST_TURN, "the joint moved too little: turn it further, or release its brake"),
             (
                 most != joint,
                 f"the driver calls {name} what the URDF calls {names[most]}: correct the driver's joint names",
             ),
-            (moved[joint] < 0.0, "its sign is the other one: turn the axis in the URDF, or the sign in the driver"),
+            (moved[joint] < 0.0, "the sign is inverted: invert the axis in the URDF, or the sign in the driver"),
             (
                 (np.abs(others) > 0.5 * abs(moved[joint])).any(),
-                "others moved with it: turn it alone, or check whether joints are coupled in the driver",
+                "other joints moved too: turn this one alone, or check whether the driver couples joints",
             ),
         )  # fmt: skip
 
@@ -307,8 +300,8 @@ class Walk:
                 float(np.linalg.norm(change)) < LEAST_PUSH,
                 f"no push was measured: push harder than {LEAST_PUSH:g} N, or set wrench.force_scale",
             ),
-            (turn > math.pi - ASKEW, "it points the other way: change wrench.sign, or turn wrench.rpy by half a turn"),
-            (turn > ASKEW, "it is turned: wrench.frame or wrench.rpy"),
+            (turn > math.pi - ASKEW, "the force is reversed: change wrench.sign, or turn wrench.rpy by 180 degrees"),
+            (turn > ASKEW, "the force is turned: correct wrench.frame or wrench.rpy"),
         )
 
     def _inertia(self, q: Array) -> Array:
@@ -330,7 +323,7 @@ class Walk:
 
     def _held(self) -> Iterator[Verdict]:
         system, stiffness = self._system, "safety.hold_stiffness"
-        self._hands.ready("the controller takes the arm over and holds it, then lets its stiffness go for 5 s")
+        self._hands.ready("the controller takes over and holds the arm, then drops its stiffness for 5 s")
         start = system.listen(WATCHED_S).position
         system.set_active(True)
         moved, _ = self._watched(start, HELD_S)
@@ -363,7 +356,7 @@ class Walk:
             f"at most {most:g}",
             (
                 not np.abs(moved).max() < most,
-                "change effort.gravity; else the URDF's masses, object.mass, the wrench's bias, the order of efforts",
+                "change effort.gravity; else check the URDF's masses, object.mass, wrench bias, order of efforts",
             ),
         )
 
@@ -373,7 +366,7 @@ class Walk:
         system = self._system
         system.set_active(False)
         self._hands.grip(firmly=False)
-        self._hands.ready(f"the law begins, and moves the object by {1e3 * MOTION_M:.0f} mm, at most")
+        self._hands.ready(f"the law starts and moves the object by at most {1e3 * MOTION_M:.0f} mm")
         system.set_active(True)
         system.listen(2.0 * WATCHED_S)
         system.ask("enable")
@@ -408,9 +401,9 @@ class Walk:
             ),
             (
                 not missed < MISSED,
-                "zero the unloaded wrench sensor; else object.mass, or gains.stiffness too low for the sensor's bias",
+                "zero the unloaded wrench sensor; else correct object.mass, or raise gains.stiffness",
             ),
-            (not slipped < most, "more grip; check governor.friction_limit and the slip sensor"),
+            (not slipped < most, "grip harder; check governor.friction_limit and the slip sensor"),
         )
 
     def _friction(self, here: Array, there: Array, rotation: Array) -> Verdict:
@@ -430,12 +423,11 @@ class Walk:
         return judge(
             "friction",
             found if reached else f"{system.goal or 'no answer to the goal'} ({system.status})",
-            f"goals that are reached, with at least a fifth of governor.friction_limit ({limit:.3g} N)",
-            (not reached, "more grip; where the law has stopped, docs/faults.md has the fix for the reason"),
+            f"goals reached, with at least a fifth of governor.friction_limit ({limit:.3g} N)",
+            (not reached, "grip harder; if the law has stopped, docs/faults.md has the fix for the reason"),
             (
                 estimate < 0.2 * limit,
-                "more grip, or set governor.friction_limit; a sensor that reports slip where there is none does this "
-                "too",
+                "grip harder, or correct governor.friction_limit; check the slip sensor for false slip",
             ),
         )
 
@@ -468,11 +460,11 @@ def stream(name: str, track: Track, least_hz: float, most_hz: float, oldest_s: f
         f"{hz:.0f} Hz, {1e3 * np.median(age):.1f} ms old (99 %: {1e3 * np.quantile(age, 0.99):.1f}), "
         f"{back} stamps that go back",
         expected,
-        (not track.stamp.any(), "let the driver stamp what it measures: all stamps are zero"),
-        (back > 0, "two drivers, or one that stamps late?"),
-        (not np.median(age) < oldest_s, "synchronise the clocks (chrony, ptp), or look for what delays it"),
-        (not np.median(age) > -ahead_s, "its clock is ahead of the joint states': synchronise them (chrony, ptp)"),
-        (not least_hz <= hz, "raise the driver's rate, or set control_period_s or safety.inputs to it"),
+        (not track.stamp.any(), "all stamps are zero: let the driver stamp its measurements"),
+        (back > 0, "look for a second driver, or one that stamps out of order"),
+        (not np.median(age) < oldest_s, "synchronise the clocks (chrony, ptp), or find the cause of the delay"),
+        (not np.median(age) > -ahead_s, "the clock is ahead of the joint states: synchronise both (chrony, ptp)"),
+        (not least_hz <= hz, "raise the driver's rate, or adapt control_period_s or safety.inputs.*"),
         (not hz <= most_hz, "set control_period_s to the driver's rate"),
     )
 

@@ -1,1 +1,0 @@
-"""Simulated drives between a command and the joints: interface, dead time, lag, scale, offset, ripple, friction."""
