@@ -182,7 +182,8 @@ def test_services_move_the_mode(nodes: System) -> None:
     watcher = nodes.watcher
     watcher.wait_law()
     assert watcher.trigger("hold").success
-    watcher.wait_mode("HOLD", "hold requested")
+    watcher.wait_mode("hold requested")
+    watcher.wait_mode("HOLD")
     assert watcher.trigger("enable").success
     watcher.wait_law()
     assert watcher.trigger("reset_fault").success

@@ -16,7 +16,7 @@ from slip_core.records import new, record
 from slip_core.types import PadMotion
 from slip_sim_bridge.params import BridgeParams
 from slip_vic.retime.path import GivenPath
-from slip_vic.retime.timing import Sample, retimed
+from slip_vic.retime.timing import MOST_SAMPLES, Sample, retimed
 from slip_vic_controller.config.controller import ArmController
 from slip_vic_controller.governor.layouts import GOVERNOR_CONFIG, GovernorConfig
 from slip_vic_controller.law.arm import ARM, Arm
@@ -81,7 +81,7 @@ def load_shares(params: ControllerParams, motion: Motion) -> Array:
     return shares
 
 
-def certified(path: GivenPath, controller: ArmController) -> list[Sample]:
+def certified(path: GivenPath, controller: ArmController, most_samples: int = MOST_SAMPLES) -> list[Sample]:
     """Return the new timing of a path, in which no sample needs more than the margin of the friction.
 
     The timing is planned on a grid. What the motion needs between its points is taken out of the margin of the next
@@ -90,16 +90,17 @@ def certified(path: GivenPath, controller: ArmController) -> list[Sample]:
     Args:
         path: at rest at both ends.
         controller: governed, with one contact.
+        most_samples: that the motion may take.
 
     Raises:
-        InputError: friction cannot carry the weight, or the path bends between the points of the grid.
+        InputError: friction cannot carry the weight, the path bends between the points of the grid, or it takes longer.
     """
     config, params, margin = new(GOVERNOR_CONFIG), controller.params, controller.params.governor.margin
     config.view(GOVERNOR_CONFIG)[0] = record(controller.config, CONFIG).governor
     planned: GovernorConfig = record(config, GOVERNOR_CONFIG)
     planned.duration = path.duration
     for _ in range(TRIES):
-        samples = retimed(path, config, params)
+        samples = retimed(path, config, params, most_samples)
         shares = load_shares(params, motion_of(samples, params.control_period_s))
         if shares.max() <= margin:
             return samples

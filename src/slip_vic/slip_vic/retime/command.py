@@ -33,7 +33,8 @@ GOAL_PERIOD_S: Final = 0.02
 def run_retime(source: Path, choice: Choice, out: Path) -> Iterator[str]:
     """Retime a path and write the results below `out`; yield what there is to say, a line each.
 
-    A section takes its own time, or the least that friction admits, whichever is longer.
+    A section takes its own time, slowed down where friction asks for it, or the fastest motion if that arrives earlier
+    and not before its own time.
 
     Args:
         source: CSV file.
@@ -57,8 +58,13 @@ def run_retime(source: Path, choice: Choice, out: Path) -> Iterator[str]:
         path = PadPath(part) if given.of_pad else JointPath(part, fastest.robot)
         away = np.maximum(away, deviation(part, path))
         found = certified(path, fastest)
-        if as_given is not None and (len(found) - 1) * params.control_period_s < path.duration:
-            found = certified(path, as_given)
+        if as_given is not None:
+            early = (len(found) - 1) * params.control_period_s < path.duration
+            try:
+                found = certified(path, as_given, MOST_SAMPLES if early else len(found))
+            except InputError:
+                if early:
+                    raise
         samples += found[len(samples) > 0 :]  # one begins where the one before has ended
         samples += [Sample(path, samples[-1].time, 0.0, 0.0)] * round(wait_s / params.control_period_s)
     motion = motion_of(samples, params.control_period_s)

@@ -28,13 +28,14 @@ class Sample(NamedTuple):
     rate_rate: float
 
 
-def retimed(path: GivenPath, config: Array, params: ControllerParams) -> list[Sample]:
+def retimed(path: GivenPath, config: Array, params: ControllerParams, most_samples: int) -> list[Sample]:
     """Return the timing of a path, a sample per control period.
 
     Args:
         path: at rest at both ends.
         config: GOVERNOR_CONFIG, with the duration of the path.
         params: with the object, as it was grasped.
+        most_samples: more are an error.
 
     Raises:
         InputError: friction cannot carry the weight somewhere on the path, or the path comes to no end.
@@ -62,7 +63,7 @@ def retimed(path: GivenPath, config: Array, params: ControllerParams) -> list[Sa
         )
     rates, samples = np.zeros(2), [Sample(path, 0.0, 0.0, 0.0)]
     while not (state.arrived == 1 and state.out_rate == 0.0):
-        if len(samples) > MOST_SAMPLES:
+        if len(samples) > most_samples:
             share = 100.0 * samples[-1].time / path.duration
             raise InputError(
                 "timing", got=f"{share:.0f} % of the path after {len(samples) * period_s:.0f} s",
