@@ -30,6 +30,7 @@ from slip_msgs_py.node_shell import GuardedNode, set_up_process
 from slip_msgs_py.qos import SAID_AGAIN_S, create_publisher, missing_endpoints
 from slip_msgs_py.ros_params import OWN_TIME, allow_changes, declare_arms
 from slip_vic_controller.config.controller import Controller
+from slip_vic_controller.law.gains import gain_report
 from slip_vic_controller.node.arm_topics import LOOK_S, STATE_DEPTH, ArmTopics
 from slip_vic_controller.node.task_topics import TaskTopics
 from slip_vic_controller.params.controller_params import ControllerParams
@@ -151,8 +152,11 @@ class SlipVicController(GuardedNode, LifecycleNode):
         if self._common.wrench.source == "none":
             self.get_logger().warning("no wrench sensor (wrench.source: none): the load is modelled")
         for name, arm in self.session.controller.arms.items():
+            of_arm, judged = f"{name}: " if name else "", gain_report(arm.params).conditions
+            admitted = ", ".join(f"{one.name} {one.limit:.3g}" for one in judged if one.parameter == "gains.stiffness")
+            self.get_logger().info(f"{of_arm}the loop's delays admit at most {admitted} [N/m, N m/rad]")
             if not arm.wrist.holds:
-                line = f"{name}: {arm.wrist.line}" if name else arm.wrist.line
+                line = of_arm + arm.wrist.line
                 self.get_logger().warning(line)
                 emit("warning", text=line)
         self.session.set_active(False)
