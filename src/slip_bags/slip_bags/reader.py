@@ -133,6 +133,8 @@ class Bag:
         self.file = mcap_file(self.path)
         with open_file(self.file, f"file {self.file}") as file:
             self.size_bytes = self.file.stat().st_size
+            if self.size_bytes == 0:
+                raise InputError(f"bag file {self.file}", got="an empty file", expected="an MCAP file")
             try:
                 self._load(SeekingReader(file, record_size_limit=min(self.size_bytes, MAX_BYTES)))
             except Exception as error:  # the bytes of a damaged file: anything may happen

@@ -301,6 +301,7 @@ def parse_mapping(text: str, origin: str) -> dict[str, Any]:
         mark = getattr(error, "problem_mark", None)
         where = f"{origin}, line {mark.line + 1}" if mark else origin
         got = str(getattr(error, "problem", None) or error).replace("did not find expected", "no")
+        got = got.replace("found character that cannot start any token", "a tab, or text that needs quotes")
         raise InputError(where, got=got, expected="valid YAML") from None
     if not isinstance(content, dict):
         raise InputError(origin, got=text.strip()[:40] or "nothing", expected="a YAML mapping of names to values")

@@ -179,8 +179,8 @@ sys.exit(code)
 @pytest.mark.parametrize(
     ("words", "answer"),
     [
-        (["study", "--scenario", "glas_transport"], "unknown scenario 'glas_transport'; did you mean glass_transport?"),
         (["run", "--scenario", "pane_two_arms_flat", "--set", "controller.gains.ks=1"], "unknown parameter"),
+        (["check", "--mismatch", "mas"], "unknown mismatch 'mas'; did you mean mass-, mass+?"),
     ],
 )
 def test_a_mistyped_name_is_answered_before_anything_heavy_is_loaded(words: list[str], answer: str) -> None:

@@ -151,7 +151,7 @@ def test_unknown_topic_offers_the_nearest(tmp_path):
 @pytest.mark.parametrize(
     ("content", "line"),
     [
-        (lambda data: b"", "no whole MCAP file|damage"),
+        (lambda data: b"", "got an empty file"),
         (lambda data: b"SQLite format 3\0" * 1000, "no whole MCAP file|damage"),
         (lambda data: data[:-100], "killed or the file is cut"),
         (lambda data: data[:8] + data[-8:], "killed or the file is cut"),

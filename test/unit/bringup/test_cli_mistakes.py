@@ -33,7 +33,7 @@ MISTAKES = {
     ),
     "path out of reach": (["--set", "controller.trajectory.displacement=[0, 0, 2]"], ["trajectory", "% of its time"]),
     "urdf is not xml": (["--set", "robot_description_file=broken.urdf"], ["robot_description", "URDF"]),
-    "scenario file is not yaml": (["--scenario", "broken.yaml"], ["broken.yaml, line", "got no ',' or ']'"]),
+    "scenario file is not yaml": (["--scenario", "broken.yaml"], ["broken.yaml, line 2", "a tab"]),
     "scenario file with an unknown key": (["--scenario", "extra.yaml"], ["unknown name", "did you mean duration_s"]),
     "parameter file missing": (
         ["--params", "nowhere.yaml"],
@@ -52,7 +52,7 @@ MISTAKES = {
 def folder(tmp_path: Path) -> Path:
     (tmp_path / "tip.urdf").write_text(URDF_WITHOUT_EE)
     (tmp_path / "broken.urdf").write_text("<robot")
-    (tmp_path / "broken.yaml").write_text("a: [1")
+    (tmp_path / "broken.yaml").write_text("a:\n\tb: 1")
     (tmp_path / "bridge.yaml").write_text("/**/slip_sim_bridge: {ros__parameters: {friction: {mu_s: 0.4}}}")
     (tmp_path / "extra.yaml").write_text("name: a\ndescription: b\ndurration_s: 1\n")
     (tmp_path / "taken").mkdir()

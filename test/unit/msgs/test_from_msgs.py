@@ -180,10 +180,10 @@ def test_slip_that_is_not_finite_or_no_pose_is_invalid() -> None:
         broken = np.ones(7)
         broken[k] = NAN
         assert k == 6 or not slip_velocity(TwistStamped(twist=six(tuple(broken[:6]))[0]), "ee").valid
-        assert not slip_displacement(pose_of(broken)).valid
+        assert not slip_displacement(pose_of(broken), "ee").valid
     assert slip_velocity(TwistStamped(twist=six((1.0,) * 6)[0]), "ee").valid
     for quat, valid in (((0.0, 0.0, 0.0, 1.0), True), (QUAT, True), ((1.0, 0.0, 0.0, 0.0), True), ((0.0,) * 4, False)):
-        assert slip_displacement(pose_of((0.0, 0.0, 0.0, *quat))).valid == valid
+        assert slip_displacement(pose_of((0.0, 0.0, 0.0, *quat)), "ee").valid == valid
 
 
 def test_one_flag_that_is_up_is_slip_and_what_is_not_known_is_no_rest() -> None:
@@ -199,7 +199,8 @@ def test_one_flag_that_is_up_is_slip_and_what_is_not_known_is_no_rest() -> None:
 
 
 def test_a_message_of_another_frame_is_refused_and_one_without_is_not() -> None:
-    for read, kind in ((wrench_sample, WrenchStamped), (slip_velocity, TwistStamped)):
+    kinds = (wrench_sample, WrenchStamped), (slip_velocity, TwistStamped), (slip_displacement, PoseStamped)
+    for read, kind in kinds:
         for frame in ("", "ee"):
             assert read(kind(header=Header(frame_id=frame)), "ee").stamp_ns == 0
         with pytest.raises(InputError, match="frame_id"):
@@ -211,5 +212,5 @@ def test_numbers_of_wrench_twist_pose_and_flags() -> None:
     wrench = Wrench(force=motion.linear, torque=motion.angular)
     assert tuple(wrench_sample(WrenchStamped(wrench=wrench), "ee").wrench) == TWIST
     assert tuple(slip_velocity(TwistStamped(twist=motion), "ee").twist) == TWIST
-    assert tuple(slip_displacement(pose_of((*POSITION, *QUAT))).pose) == (*POSITION, *QUAT)
+    assert tuple(slip_displacement(pose_of((*POSITION, *QUAT)), "ee").pose) == (*POSITION, *QUAT)
     assert slip_flags(JointState(name=["a"], position=[1.0])).twist.tolist() == [1.0] * 6

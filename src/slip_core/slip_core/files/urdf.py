@@ -6,7 +6,6 @@ and MuJoCo treat each of these differently; here they are settled once, for both
 
 from __future__ import annotations
 
-import contextlib
 import math
 from collections.abc import Sequence
 from xml.etree import ElementTree
@@ -35,32 +34,34 @@ _IN_MOVING_JOINT = (*_IN_FIXED_JOINT, "axis", "limit", "dynamics")
 PLACED = "placed_base"
 
 
-def parse_urdf(text: str) -> Element:
+def parse_urdf(text: str, what: str = "robot_description") -> Element:
     """Return the <robot> element of a URDF text: the one door to every reader of it, and to every library.
+
+    what: names it in errors.
 
     Raises:
         InputError: not XML, another format, entities or a document type, too large or too deep, no tree of links,
             numbers of no robot, or xacro that was not expanded.
     """
     if len(text) > LARGEST:
-        raise InputError("robot_description", got=f"{len(text)} characters", expected=f"a URDF of at most {LARGEST}")
+        raise InputError(what, got=f"{len(text)} characters", expected=f"a URDF of at most {LARGEST}")
     if any(word in text.upper() for word in ("<!DOCTYPE", "<!ENTITY")):
-        raise InputError("robot_description", got="XML with a document type", expected="a URDF without declarations")
+        raise InputError(what, got="XML with a document type", expected="a URDF without declarations")
     try:
         root = ElementTree.fromstring(text)
     except ElementTree.ParseError as error:
-        raise InputError("robot_description", got=text[:40] or "nothing", expected="a URDF", fix=str(error)) from None
+        raise InputError(what, got=text[:40] or "nothing", expected="a URDF", fix=str(error)) from None
     if root.tag != "robot":
-        raise InputError("robot_description", got=f"<{root.tag}>", expected="a URDF, whose root is <robot>")
+        raise InputError(what, got=f"<{root.tag}>", expected="a URDF, whose root is <robot>")
     level = [root]
     for _ in range(NESTED):
         level = [child for element in level for child in element]
     if level:
-        raise InputError("robot_description", got=f"elements nested more than {NESTED} deep", expected="a URDF")
+        raise InputError(what, got=f"elements nested more than {NESTED} deep", expected="a URDF")
     if any("xacro" in element.tag or "${" in "".join(element.attrib.values()) for element in root.iter()):
         fix = "name the file arm.xacro, and it is expanded"
-        raise InputError("robot_description", got="xacro", expected="a URDF", fix=fix)
-    base_of(root)
+        raise InputError(what, got="xacro", expected="a URDF", fix=fix)
+    base_of(root, what)
     for part in (*root.findall("link"), *root.findall("joint")):
         _check_numbers(part)
     return root
@@ -73,19 +74,22 @@ def _check_numbers(part: Element) -> None:
         InputError: with the name of the link or joint.
     """
     for element in part.iter():
-        bound = NO_LIMIT if element.tag in ("origin", "mass", "inertia") else math.inf
+        bound = math.inf if element.tag == "limit" else NO_LIMIT
         for key, text in element.attrib.items() if element.tag in _MEASURED else ():
             for word in text.split():
-                with contextlib.suppress(ValueError):  # `numbers_of` names what is none where it is used
-                    if not (math.isfinite(float(word)) and abs(float(word)) <= bound):
-                        what = f"URDF {part.tag} {part.get('name')}"
-                        most = f", at most {bound:g}" if bound < math.inf else ""
-                        got = f'<{element.tag} {key}="{text}">'
-                        raise InputError(what, got=got, expected=f"finite numbers{most}")
+                try:
+                    value = float(word)
+                except ValueError:
+                    value = math.nan
+                if not (math.isfinite(value) and abs(value) <= bound):
+                    what = f"URDF {part.tag} {part.get('name')}"
+                    most = f", at most {bound:g}" if bound < math.inf else ""
+                    got = f'<{element.tag} {key}="{text}">'
+                    raise InputError(what, got=got, expected=f"finite numbers{most}")
 
 
-def base_of(root: Element) -> str:
-    """Return the one link that no joint carries, from which joints lead to each other link.
+def base_of(root: Element, what: str = "robot_description") -> str:
+    """Return the one link that no joint carries, from which joints lead to each other link; what: as in `parse_urdf`.
 
     Raises:
         InputError: links that are no such tree, or one that is too deep.
@@ -99,10 +103,10 @@ def base_of(root: Element) -> str:
         level, depth = [child for name in level for child in below.get(name, ())], depth + 1
         reached += level
     if depth > DEEPEST:
-        raise InputError("robot_description", got=f"more than {DEEPEST} joints in a row", expected="an arm")
+        raise InputError(what, got=f"more than {DEEPEST} joints in a row", expected="an arm")
     if len(bases) != 1 or sorted(reached) != sorted(links):
         expected = "one tree: a base, and one joint that carries each other link"
-        raise InputError("robot_description", got=f"{len(links)} links that are none", expected=expected)
+        raise InputError(what, got=f"{len(links)} links that are none", expected=expected)
     return bases[0]
 
 
@@ -274,8 +278,9 @@ def _check_limits(joint: Element) -> None:
         InputError: with the joint's name.
     """
     name, kind, limit = joint.get("name"), joint.get("type"), joint.find("limit")
-    if not any(numbers_of(joint.find("axis"), "xyz", (1.0, 0.0, 0.0))):
-        raise InputError(f"URDF joint {name}", got="an <axis> of length 0", expected="a direction")
+    length = math.hypot(*numbers_of(joint.find("axis"), "xyz", (1.0, 0.0, 0.0)))
+    if length < 1.0 / NO_LIMIT:
+        raise InputError(f"URDF joint {name}", got=f"an <axis> of length {length:g}", expected="a direction")
     keys = ("lower", "upper", "effort", "velocity")
     lower, upper, effort, velocity = (numbers_of(limit, key, (0.0,))[0] for key in keys)
     if kind in MOVING and effort > 0.0 and velocity > 0.0 and (kind == "continuous" or lower < upper):

@@ -29,6 +29,7 @@ if TYPE_CHECKING:  # the fields are the same, whether ROS or a bag reader decode
 
 FLAG_UP = 0.5
 LEAST_NORM = 1e-6
+TURN = "turn the numbers to the pad's axes in the driver"
 
 
 def vector6(linear: Vector3, angular: Vector3) -> Array:
@@ -99,7 +100,7 @@ def stamp_of(message: JointState | WrenchStamped | TwistStamped | PoseStamped) -
     return stamp_to_ns(stamp)
 
 
-def check_frame(message: WrenchStamped | TwistStamped, frame: str, fix: str = "") -> None:
+def check_frame(message: WrenchStamped | TwistStamped | PoseStamped, frame: str, fix: str = TURN) -> None:
     """Check the frame of a stamped message, where it names one; fix: what sets `frame`.
 
     Raises:
@@ -125,11 +126,12 @@ def slip_velocity(message: TwistStamped, frame: str) -> SlipSample:
     return SlipSample(stamp_of(message), twist, valid=bool(np.isfinite(twist).all()))
 
 
-def slip_displacement(message: PoseStamped) -> DisplacementSample:
-    """Return a slip displacement, invalid where any number is not finite or the quaternion has no length.
+def slip_displacement(message: PoseStamped, frame: str) -> DisplacementSample:
+    """Return a slip displacement in the axes of `frame`, invalid where not finite or the quaternion has no length.
 
-    Raises as `stamp_of` does.
+    Raises as `check_frame` and `stamp_of` do.
     """
+    check_frame(message, frame)
     place, turn = message.pose.position, message.pose.orientation
     pose = np.array([place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w])
     valid = bool(np.isfinite(pose).all() and np.linalg.norm(pose[3:]) > LEAST_NORM)

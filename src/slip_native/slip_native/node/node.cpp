@@ -99,7 +99,7 @@ void ControllerNode::subscribe_contacts() {
     else
       subscribe<geometry_msgs__msg__TwistStamped>(
           of_contact("slip_velocity", contact), KEPT, [=](const geometry_msgs__msg__TwistStamped &message) {
-            check_frame(message.header, frame);
+            check_frame(message.header, pad);
             const auto &v = message.twist.linear, &w = message.twist.angular;
             const double six[] = {v.x, v.y, v.z, w.x, w.y, w.z};
             const bool valid = std::all_of(six, six + 6, [](double x) { return std::isfinite(x); });

@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 from click.core import ParameterSource
 
-from slip_core.errors import require_extra
+from slip_core.errors import UnknownName, require_extra
 from slip_vic.options import (
     ASSIGNMENTS,
     PACKAGE,
@@ -34,11 +34,12 @@ ENGINE = click.option(
 
 
 def _mismatches(context: click.Context, parameter: click.Parameter, text: str) -> tuple[str, ...]:
-    if text != "all":
-        return names(text)
     from slip_vic.experiments.world import MISMATCHES
 
-    return MISMATCHES
+    chosen = MISMATCHES if text == "all" else names(text)
+    for name in set(chosen) - set(MISMATCHES):
+        raise UnknownName("mismatch", name, MISMATCHES)
+    return chosen
 
 
 def mismatches_option(default: str) -> Decorator:

@@ -171,7 +171,7 @@ def _changes(
     ledger: when its entries were published [ns].
     """
     changes: dict[int, ControllerParams] = {}
-    for message in bag.messages(EVENTS) if EVENTS in bag.topics else ():
+    for message in bag.messages(own_topic(bag, EVENTS)) if EVENTS in bag.topics else ():
         event = message.value
         if event.node != node or not event.changed_parameters:
             continue
@@ -243,7 +243,8 @@ def _wrenches(bag: Bag, topic: str, params: ControllerParams) -> dict[int, Wrenc
 def _slips(bag: Bag, prefix: str, params: ControllerParams) -> dict[int, SlipSample]:
     """Return the slip velocities that the controller has, or made of displacements or flags."""
     if params.slip_input == "displacement":
-        found = map(SlipFromDisplacement(), _samples(bag, f"{prefix}slip_displacement", slip_displacement).values())
+        read = partial(slip_displacement, frame=params.ee_frame)
+        found = map(SlipFromDisplacement(), _samples(bag, f"{prefix}slip_displacement", read).values())
         return {slip.stamp_ns: slip for slip in found if slip is not None}
     if params.slip_input == "flag":
         return _samples(bag, f"{prefix}slip_flag", slip_flags)

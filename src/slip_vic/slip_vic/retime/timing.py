@@ -67,7 +67,8 @@ def retimed(path: GivenPath, config: Array, params: ControllerParams, most_sampl
             share = 100.0 * samples[-1].time / path.duration
             raise InputError(
                 "timing", got=f"{share:.0f} % of the path after {len(samples) * period_s:.0f} s",
-                expected="the end of the path", fix="more grip or friction, or a smooth path",
+                expected=f"its end within {MOST_SAMPLES * period_s:g} s",
+                fix="grip harder and set governor.friction_limit, smooth the path, or split it by a stop",
             )  # fmt: skip
         pad = path.pad(float(state.time))
         step_timing(config, memory, pad.rotation, pad.twist, pad.acceleration, period_s)

@@ -119,6 +119,7 @@ def own_topic(bag: Bag, topic: str) -> str:
         InputError: the bag has none of this name, or one of another type.
     """
     got, types = bag.topic(topic).type_name, {row.name: row.type for row in TOPICS.values()}
+    types["parameter_events"] = "rcl_interfaces/msg/ParameterEvent"
     expected = types.get(max((name for name in types if topic.endswith(f"/{name}")), key=len, default=""), got)
     if got != expected:
         fix = "record it under another name, or leave it out"

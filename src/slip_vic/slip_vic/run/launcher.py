@@ -62,7 +62,7 @@ class Launcher:
         native: folder of a `slip-vic export` whose node is the controller; None: the Python node.
 
     Raises:
-        InputError: parameters and URDF that do not fit, a bag folder that is taken.
+        InputError: parameters and URDF that do not fit, a bag folder that is taken, an export that does not fit.
     """
 
     def __init__(
@@ -85,6 +85,8 @@ class Launcher:
         self._stop = StopFlag()
         check_ros()
         scenario.check()
+        if native is not None:
+            native_command(native, next(iter(scenario.controllers.values())))
         if bag is not None:
             _check_new_folder(bag)
 

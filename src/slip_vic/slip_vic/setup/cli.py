@@ -67,10 +67,11 @@ def arm(
     from slip_vic.setup.arm.driver import DRIVERS
     from slip_vic.setup.arm.write import Arm, way_table, write_arm
 
-    known = DRIVERS[driver] if driver else None
+    known, called = DRIVERS[driver] if driver else None, f"URDF {urdf}"
     drive = drive or (known.drive if known else "")
     made = Arm(
-        read_urdf(str(urdf), f"URDF {urdf}", _pairs("--arg", arguments, ":=", str, "NAME:=VALUE, e.g. ur_type:=ur5e")),
+        read_urdf(str(urdf), called, _pairs("--arg", arguments, ":=", str, "NAME:=VALUE, e.g. ur_type:=ur5e")),
+        name=called,
         link=link,
         approach=approach or "",
         normal=normal or "",

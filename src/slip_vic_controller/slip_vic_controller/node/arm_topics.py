@@ -232,7 +232,8 @@ class ArmTopics:
     def _slip_input(self) -> tuple[str, Any, Any]:
         """Return topic, reader and receiver of the slip sensor's messages."""
         if self.params.slip_input == "displacement":
-            return "slip_displacement", from_msgs.slip_displacement, self.arm.add_displacement
+            read = partial(from_msgs.slip_displacement, frame=self.params.ee_frame)
+            return "slip_displacement", read, self.arm.add_displacement
         if self.params.slip_input == "flag":
             return "slip_flag", from_msgs.slip_flags, self.arm.add_slip
         return "slip_velocity", partial(from_msgs.slip_velocity, frame=self.params.ee_frame), self.arm.add_slip

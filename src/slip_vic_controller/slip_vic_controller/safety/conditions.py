@@ -85,7 +85,7 @@ class Reason(IntEnum):
     JUMP = 10, "has jumped"
     RESTARTED = 11, "comes from a source that has restarted"
     SILENT = 12, "is silent"
-    STALE = 13, "is too old"
+    STALE = 13, "has stamps too far behind joint_states"
     FROZEN = 14, "is frozen"
     INVALID = 15, "is invalid"
     SECOND_PUBLISHER = 17, "has two publishers"

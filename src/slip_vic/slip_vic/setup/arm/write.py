@@ -56,7 +56,7 @@ class Arm:
     """An arm that was read from a file.
 
     Args:
-        text: the URDF as it is distributed.
+        text: the URDF as it is distributed; name: of its file, in errors.
         link, approach, normal: of the hand; empty ones are found.
         reach: from the link's origin to the pad centre [m].
         locked: joints that stay somewhere: name -> position [rad, m].
@@ -71,6 +71,7 @@ class Arm:
         self,
         text: str,
         *,
+        name: str = "robot_description",
         link: str = "",
         approach: str = "",
         normal: str = "",
@@ -79,7 +80,7 @@ class Arm:
         limits: Limits | None = None,
         by_effort: bool = True,
     ) -> None:
-        root = parse_urdf(text)
+        root = parse_urdf(text, name)
         stays = locked or {}
         self.hand: Hand = find_hand(root, link, approach, normal, tuple(stays))
         self.urdf, said = arm_urdf(root, self.hand, reach, stays, limits or {}, by_effort=by_effort)
