@@ -136,7 +136,7 @@ def test_three_samples_start_a_slip() -> None:
 
 def test_lasting_contradiction_overrides_the_model() -> None:
     """A slip that a wrong model has made up: a filter sure of its model would take every sample for an outlier."""
-    for reads, rest in ((0.0, True), (0.02, False)):
+    for reads, rest in ((0.0, True), (2e-3, True), (0.02, False)):
         bench = sliding_bench()
         for _ in range(200):  # the wrench misses 1 m/s^2 that the object has
             estimate = bench.step(six(x=1.0))
@@ -158,6 +158,13 @@ def test_outliers_are_rejected() -> None:
         sample = (bench.tick + 1) * MS, six(x=true if k % 3 else 0.5)
         estimate = bench.step(np.zeros(6), samples=[sample])
     assert abs(estimate.twist[0] - true) < 5e-3
+
+
+@pytest.mark.parametrize(("band", "contradicts"), [(0.03, 0), (0.003, 1)])
+def test_zeros_contradict_a_slip_beyond_the_dead_band(band: float, contradicts: int) -> None:
+    bench = sliding_bench(slip_sensor__dead_band_linear=band)
+    bench.step(np.zeros(6), samples=[((bench.tick + 1) * MS, np.zeros(6))])
+    assert ordered_rows(bench.observer)[-1]["contradicts"] == contradicts
 
 
 def test_friction_direction_corrects_estimate() -> None:
