@@ -172,6 +172,16 @@ def test_inverted_velocity_is_not_trusted() -> None:
         assert found == (Reason.VELOCITY, 1, Trust.POSITION), (period_ms, speed)
 
 
+@pytest.mark.parametrize(("moved", "reversals"), [(0.0, 5), (1e-4, 0)])
+def test_a_sample_after_one_that_repeats_ends_the_count_of_reversals(moved: float, reversals: int) -> None:
+    joints = Joints(configuration())
+    for k in range(3):
+        joints.sample([0.1, 1e-5 * k, 0.0], 0.01)  # a sample in which all repeat is none
+    joints.state.reversals[0] = 5
+    joints.sample([0.1 + moved, 1.0, 0.0], 0.01)
+    assert joints.state.reversals[0] == reversals
+
+
 def test_drifting_position_is_not_followed() -> None:
     joints, rng = Joints(configuration()), np.random.default_rng(2)
     for k in range(3000):

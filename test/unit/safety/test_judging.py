@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from slip_core.records import dtype_of, new, record
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load
+from slip_vic_controller.contact.estimate import SensorHealth
 from slip_vic_controller.cycle.deciding import judge, slows
 from slip_vic_controller.safety.conditions import (
     NOTHING,
@@ -118,6 +120,23 @@ def test_findings_carry_numbers() -> None:
     put_why(judging.state.estimate.found, NOTHING)
     judging.state.observed.fall_speed = 9.0
     assert judging.found() == Why(Reason.FALLS, 0, 0, 0, 9.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("of", "field", "value", "reason"),
+    [
+        ("task.governor", "overrun", 1, Reason.OVERRUNS), ("task.governor", "endless", 1, Reason.ENDLESS_SLIP),
+        ("state.law.given_up", "left_s", 0.1, Reason.GIVEN_UP), ("task.path", "scale", 0.5, Reason.PATH_WAITS),
+        ("state.pad.contact", "slip_health", SensorHealth.READS_NOTHING, Reason.READS_NOTHING),
+        ("state.pad.contact", "slip_health", SensorHealth.READS_NOTHING + 1, Reason.SLIP_SENSOR),
+    ],
+)  # fmt: skip
+def test_what_keeps_the_law_from_its_path_is_named(of: str, field: str, value: float, reason: Reason) -> None:
+    judging = Judge()
+    judging.task.path.scale = judging.state.observed.path_speed = 1.0
+    assert judging.found().reason == Reason.NONE
+    setattr(attrgetter(of)(judging), field, value)
+    assert judging.found().reason == reason
 
 
 def test_fall_exceeds_slip_uncertainty() -> None:
