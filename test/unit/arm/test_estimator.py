@@ -278,6 +278,8 @@ def test_jump_is_a_collision() -> None:
     assert (Reason(state.found.reason), state.found.which) == (Reason.COLLISION, 1)
     assert state.found.value > state.found.limit == pytest.approx(15.0)
     assert opposed(step(10.0), 400)[0].found.reason == Reason.NONE
+    state, _ = opposed(step(20.0), 130, drive__coulomb=(1.0,))  # friction that turns round
+    assert state.found.limit == pytest.approx(15.0 + 2.0)
 
 
 def test_pad_variances_match_matrices() -> None:

@@ -109,7 +109,7 @@ def test_noise_in_another_unit_names_sensor(unit: tuple[float, float], words: st
 def test_outliers_are_neither_bias_nor_noise(seed: int) -> None:
     """Not even where the first sample is one."""
     rng, config, state = np.random.default_rng(seed), bounds(), begun()
-    bias = np.array([0.006, -0.004, 0.0, 0.0, 0.0, 0.1])
+    bias = np.array([0.006, -0.004, 0.0, 0.15, 0.0, 0.1])
     for k in range(SAMPLES):
         outlier = rng.choice((-1.0, 1.0), 6) * (0.2, 0.2, 0.2, 5.0, 5.0, 5.0) * (k == 0 or rng.random() < 0.02)
         add_slip(config, state, bias + outlier + 1e-3 * rng.normal(size=6))

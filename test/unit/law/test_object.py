@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pytest
 
 from slip_vic_controller.law.contact import G_T
-from slip_vic_controller.law.object import ObjectMotion, object_motion
+from slip_vic_controller.law.object import ObjectMotion, Sharing, arm_of, object_motion, sharing
 from test.referees.law_referee import S, exponential, referee_law
 from test.support.call import call, flat
 from test.support.law_cases import Case, random_case
@@ -77,6 +78,16 @@ def test_object_state_follows_from_the_pad() -> None:
         found = motion_of(case, R_ee, w_o + R_ee @ v_sa, v_sa)
         np.testing.assert_allclose(R_ee @ found.w_o, w_o, atol=ROUNDING)
         np.testing.assert_allclose(R_ee @ found.r, R_o @ (x_p + contact.rotation @ slip.position), atol=ROUNDING)
+
+
+@pytest.mark.parametrize("contacts", [1, 3])
+def test_reach_is_the_torque_on_the_farthest_contact(contacts: int) -> None:
+    case = random_case(0, contacts=contacts)
+    config, gains, _, _, slips, _ = case.buffers
+    arms = np.array([call(arm_of, config, gains, slips, np.eye(3), k) for k in range(contacts)])
+    far, rho = np.linalg.norm(arms - arms.mean(axis=0), axis=1).max(), case.config.radius
+    shared = Sharing(*call(sharing, config, gains, slips))
+    assert shared.reach == pytest.approx(np.hypot(far, rho) * rho, rel=ROUNDING)
 
 
 def test_P_maps_contact_twist_to_coriolis_acceleration() -> None:

@@ -106,3 +106,4 @@ def test_words_of_missing_inputs() -> None:
     absurd = Why(Reason.WAITS, Reason.ABSURD, 0, Missing.GOOD_JOINT_STATE, 0.0, 0.0)
     assert describe(absurd, ()) == "waits for a good joint state (it is absurdly large: wrong unit?)"
     assert describe(NOTHING, ()) == ""
+    assert because(Reason.TARE, Reason.ABSURD) == Why(Reason.TARE, Reason.ABSURD, 0, 0, 0.0, 0.0)

@@ -100,6 +100,14 @@ def at(k: int) -> tuple[int, int]:
     return STAMP_NS + k * PERIOD_NS, NOW_NS + k * PERIOD_NS
 
 
+def test_an_arm_without_velocities_begins_at_rest() -> None:
+    v, unmeasured = Validation(), np.full(N, np.nan)
+    for k, speed in ((0, 0.0), (1, 0.1)):
+        assert v.joint(at(k)[0], POSITION + 1e-4 * k, unmeasured, at(k)[1]) == Reason.NONE
+        found = v.state.joint.last.velocity[:N]
+        assert (found == 0.0).all() if speed == 0.0 else ((0.0 < found) & (found <= 1.01 * speed)).all()
+
+
 def test_agreeing_samples_are_a_restart() -> None:
     """Only the last of them, and only of those that follow each other; then the next jump begins anew."""
     v, jumped = begun(), POSITION + 0.3
