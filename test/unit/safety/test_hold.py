@@ -22,6 +22,7 @@ from slip_vic_controller.safety.hold import (
     HoldConfig,
     carry_load,
     hold_effort,
+    keep_posture,
     update_load_error,
 )
 from slip_vic_controller.state import CONFIG
@@ -104,6 +105,16 @@ def test_effort_of_hold() -> None:
         for carries in (True, False):
             expected = case.referee(carries)
             np.testing.assert_allclose(case.torque(carries), expected, rtol=0.0, atol=CLOSE * np.abs(expected).max())
+
+
+@pytest.mark.parametrize(("friction", "stays"), [(10.0, False), (20.0, True)])
+def test_a_joint_that_friction_holds_elsewhere_stays(friction: float, stays: bool) -> None:
+    case, M = Random(0, 3), 4.0 * np.eye(3)
+    case.qd[:] = 0.0
+    case.hold.posture[:3] = case.q + 0.02
+    call(keep_posture, case.config, case.hold, case.sample, np.ones(3), M, np.full(3, friction))
+    assert 10.0 < 225.0 * 4.0 * 0.02 < 20.0
+    np.testing.assert_array_equal(case.hold.posture[:3] == case.q, stays)
 
 
 def test_fast_joint_takes_its_posture_along() -> None:

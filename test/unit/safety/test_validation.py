@@ -105,7 +105,7 @@ def test_an_arm_without_velocities_begins_at_rest() -> None:
     for k, speed in ((0, 0.0), (1, 0.1)):
         assert v.joint(at(k)[0], POSITION + 1e-4 * k, unmeasured, at(k)[1]) == Reason.NONE
         found = v.state.joint.last.velocity[:N]
-        assert (found == 0.0).all() if speed == 0.0 else ((0.0 < found) & (found <= 1.01 * speed)).all()
+        assert (found == 0.0).all() if speed == 0.0 else ((found > 0.0) & (found <= 1.01 * speed)).all()
 
 
 def test_agreeing_samples_are_a_restart() -> None:
