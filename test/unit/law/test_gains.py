@@ -105,6 +105,21 @@ def test_the_lyapunov_function_never_grows_on_a_ramp(seed: int) -> None:
             e = e + dt / inner * e_dot
 
 
+def test_half_way_every_number_is_between_its_ends() -> None:
+    faded = {f"gains__gamma_{name}": 9.0 for name in ("kp", "ko", "dp", "do")}
+    held = {"object__inertia": (9e-4, 9e-4, 9e-4, 1e-5, 1e-5, 1e-5), "contacts__position": (0.03, 0.01, 0.01)}
+    start, target = (
+        law_gains(),
+        law_gains(**STIFF, **faded, **held, object__mass=0.8, gains__alpha=7.0, gains__k_s=99.0),
+    )
+    ramp, half = make_ramp(start, target, 0, 0.2), new(LAW_GAINS)
+    call(gains_at, ramp, record(ramp, RAMP).duration_ns // 2, half)
+    changed = np.isfinite(start) & (start != target)
+    assert changed.sum() == 12 + 4 * 3 + 1 + 9 + 3 + 2
+    assert (np.minimum(start, target) < half)[changed].all()
+    assert (half < np.maximum(start, target))[changed].all()
+
+
 def test_ramps_are_monotone_with_exact_ends() -> None:
     start, target = law_gains(), law_gains(**STIFF, object__mass=0.8, gains__spin="bounded")
     ramp = make_ramp(start, target, 5 * MS, 0.2)
