@@ -101,7 +101,7 @@ def _processes(domain: int) -> Iterator[Processes]:
 
 
 @contextlib.contextmanager
-def _node(domain: int) -> Iterator[object]:
+def node_in(domain: int) -> Iterator[object]:
     import rclpy
     from rclpy.node import Node
 
@@ -132,7 +132,7 @@ def processes(ros_domain: int) -> Iterator[Processes]:
 @pytest.fixture
 def ros_node(ros_domain: int) -> Iterator[object]:
     """An rclpy node in this process, in the test's domain and a context of its own."""
-    with _node(ros_domain) as node:
+    with node_in(ros_domain) as node:
         yield node
 
 
@@ -153,7 +153,7 @@ def shared_processes(shared_domain: int) -> Iterator[Processes]:
 @pytest.fixture(scope="module")
 def shared_node(shared_domain: int) -> Iterator[object]:
     """As `ros_node`, for all tests of a file."""
-    with _node(shared_domain) as node:
+    with node_in(shared_domain) as node:
         yield node
 
 

@@ -38,6 +38,8 @@ class Topic:
     several: bool = False
 
 
+EVENTS = "/parameter_events"
+"""Of ROS: parameters that change while nodes run."""
 _TABLE = (
     Topic("joint_states", "sensor_msgs/msg/JointState", "bridge", "joint positions [rad], velocities [rad/s], efforts [N m]"),
     Topic("wrench", "geometry_msgs/msg/WrenchStamped", "bridge", "wrench of the object on the robot at the pad centre [N, N m], pad axes"),

@@ -12,11 +12,14 @@ from slip_core.arrays import Array
 from slip_core.records import POSE
 from slip_vic_controller.contact.observer import ROW_SIZE
 from slip_vic_controller.cycle.cycle import cycle, describe
+from slip_vic_controller.interfaces import mean_velocity
 from slip_vic_controller.law.arm import ARM, gather
+from slip_vic_controller.law.gains import LAW_GAINS
 from slip_vic_controller.law.symbols import SYMBOLS
 from slip_vic_controller.session.arrival import (
     begin_answer,
     is_silent,
+    ramp_to,
     receive_joint_state,
     receive_slip,
     receive_wrench,
@@ -27,7 +30,7 @@ In = Array
 """Numbers that a function reads."""
 Out = Array
 """Numbers that it reads and writes."""
-_ARM, _POSE, _SYMBOLS = (dtype.itemsize // 8 for dtype in (ARM, POSE, SYMBOLS))
+_ARM, _GAINS, _POSE, _SYMBOLS = (dtype.itemsize // 8 for dtype in (ARM, LAW_GAINS, POSE, SYMBOLS))
 
 
 def slip_vic_receive_joint_state(
@@ -59,9 +62,20 @@ def slip_vic_receive_slip(
     return receive_slip(c, s, contact, stamp_ns, carray(twist, 6), valid != 0, refused != 0, now_ns)
 
 
+def slip_vic_mean_velocity(s_1: In, R_1: In, s_2: In, R_2: In, dt_ns: int, twist: Out) -> None:
+    """Write the mean slip velocity between two slip displacements, 6 numbers [m/s, rad/s]; rotations by rows."""
+    first, second = (carray(s_1, 3), carray(R_1, (3, 3))), (carray(s_2, 3), carray(R_2, (3, 3)))
+    mean_velocity(first[0], first[1], second[0], second[1], dt_ns * 1e-9, carray(twist, 6))
+
+
 def slip_vic_is_silent(config: In, arm: Out, now_ns: int) -> int:
     """Return 1 where no good joint state has come for the age limit."""
     return 1 if is_silent(carray(config, CONFIG_SIZE), carray(arm, ARM_SIZE), now_ns) else 0
+
+
+def slip_vic_ramp_to(arm: Out, target: In, least_ns: int) -> None:
+    """Let gains and payload ramp to a SlipVic_LawGains from the next cycle on, in least_ns or longer for stability."""
+    ramp_to(carray(arm, ARM_SIZE), carray(target, _GAINS), least_ns)
 
 
 def slip_vic_begin_answer(
@@ -114,7 +128,9 @@ FUNCTIONS = (
     slip_vic_receive_joint_state,
     slip_vic_receive_wrench,
     slip_vic_receive_slip,
+    slip_vic_mean_velocity,
     slip_vic_is_silent,
+    slip_vic_ramp_to,
     slip_vic_begin_answer,
     slip_vic_gather,
     slip_vic_cycle,

@@ -9,10 +9,12 @@ from collections.abc import Iterator, Sequence
 from enum import IntEnum
 from typing import Any, get_args, get_origin, get_type_hints
 
+from slip_core.params import parameter_infos, range_of
 from slip_core.records import WHOLE, Record, Records, dtype_of
 from slip_native.functions import FUNCTIONS
 from slip_vic_controller.contact.observer import Row
 from slip_vic_controller.law.symbols import SYMBOLS, Symbols
+from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.path.goals import GoalPhase, Refusal
 from slip_vic_controller.safety.conditions import (
     MISSING,
@@ -91,7 +93,23 @@ def words() -> str:
     sizes = [kind.itemsize // 8 for kind, *_ in (SYMBOLS.fields or {}).values()]
     of_symbols = f"static const int slip_vic_symbol_sizes[] = {{{', '.join(map(str, sizes))}}};"
     top = "/* Words of slip_vic.h's numbers, by number. Made by `slip-vic export`; do not edit. */\n#pragma once\n"
-    return "\n".join([top, *(_words(f"slip_vic_{name}", texts) for name, texts in lists.items()), of_symbols, ""])
+    of_lists = (_words(f"slip_vic_{name}", texts) for name, texts in lists.items())
+    return "\n".join([top, *of_lists, of_symbols, *_parameters(), ""])
+
+
+def _parameters() -> Iterator[str]:
+    """Yield the table of the controller's parameters; the range is of a number, or of each in a list."""
+    fields = "const char *name, *description, *unit, *constraint; int live; double least, most;"
+    yield f"static const struct {{ {fields} }} slip_vic_parameters[] = {{"
+    for info in parameter_infos(ControllerParams):
+        bounds, (least, most) = info.bounds, range_of(info.unit)
+        if info.kind in (int, float):
+            least, most = bounds["ge"], bounds.get("le", bounds.get("lt", 2**62))
+        choice = f"one of {', '.join(map(str, bounds['one_of']))}" if "one_of" in bounds else ""
+        text = f"{info.description} [{info.unit}]" if info.unit else info.description
+        words = ", ".join(map(json.dumps, (info.name, text, info.unit, choice)))
+        yield f"    {{{words}, {info.runtime:d}, {least:.17g}, {most:.17g}}},"
+    yield "};"
 
 
 def _words(name: str, texts: Sequence[str]) -> str:

@@ -47,18 +47,8 @@ def build(folder: Path, cpu: str = "") -> None:
         code, whole = Path(temporary) / "cycle.o", Path(temporary) / "slip_vic.o"
         code.write_bytes(object_code(cpu))
         with resources.as_file(SOURCES / "c" / "runtime.c") as runtime:
-            _call(
-                compiler,
-                "-std=c11",
-                "-O2",
-                "-fPIC",
-                "-Wall",
-                "-Wextra",
-                "-c",
-                runtime,
-                "-o",
-                Path(temporary) / "runtime.o",
-            )
+            flags = ("-std=c11", "-O2", "-fPIC", "-Wall", "-Wextra")
+            _call(compiler, *flags, "-c", runtime, "-o", Path(temporary) / "runtime.o")
         # One object whose only names are those of the header: a host that has Python or numba in it keeps its own.
         _call(compiler, "-nostdlib", "-r", "-Wl,-d", code, Path(temporary) / "runtime.o", "-o", whole)
         names = [
@@ -67,16 +57,8 @@ def build(folder: Path, cpu: str = "") -> None:
         ]
         _call("objcopy", *names, whole)
         _call("ar", "rcs", folder / "libslip_vic.a", whole)
-        _call(
-            compiler,
-            "-shared",
-            whole,
-            "-o",
-            folder / "libslip_vic.so",
-            "-lm",
-            "-Wl,--no-undefined",
-            "-Wl,-soname,libslip_vic.so",
-        )
+        link = ("-lm", "-Wl,--no-undefined", "-Wl,-soname,libslip_vic.so")
+        _call(compiler, "-shared", whole, "-o", folder / "libslip_vic.so", *link)
 
 
 def sources() -> dict[str, str]:

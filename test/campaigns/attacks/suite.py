@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import json
-import signal
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -178,8 +177,8 @@ class Stage:
         note = ATTACKS[name](self)
         for guest in self._group.children:
             if guest not in self._nodes.values():
-                guest.send(signal.SIGKILL)
-                guest.wait(5.0)
+                guest.kill()
+                guest.has_ended(5.0)
         ended = time.monotonic()
         helped = not self._returns(ALONE_S)
         if helped:

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import pandas as pd
 
+from slip_msgs_py.environment import choose_transport
 from slip_vic.scenarios.scenario import load
 from test.campaigns.bench import cost, dds
 from test.campaigns.bench.machine import calibration_s, fifo_permitted, machine
+from test.campaigns.faults.beside import compile_more
 
 FIFO_PRIORITY = 80
 RATES_HZ = (500, 1000, 2000)
@@ -66,17 +69,27 @@ class BenchResult(NamedTuple):
 
     metrics: pd.DataFrame
     free_running: pd.DataFrame
+    starts: pd.DataFrame
     machine: dict[str, Any]
     noise: float
 
 
-def run_bench(effort: Effort, say: Say) -> BenchResult:
-    """Measure everything; `say` gets each stage."""
+def run_bench(effort: Effort, say: Say, native: Path | None = None) -> BenchResult:
+    """Measure everything; `say` gets each stage; native: a built export, measured in turn with the Python node."""
     found, rounds = machine(), _rounds(effort, say)
     say("free running")
-    free = _free_running(effort)
+    choose_transport()  # also for the floor, which does not choose
+    controllers: dict[str, Path | None] = {"python": None}
+    floor = {}
+    if native is not None:
+        compile_more(native)
+        controllers["native"], floor["floor"] = native, native / "floor"
+    free = _free_running(effort, controllers | floor)
+    say("start and memory")
+    starts = pd.DataFrame([{"of": of, **dds.start(at)} for _ in range(effort.rounds) for of, at in controllers.items()])
     speed = rounds["calibration"]
-    return BenchResult(over_rounds(rounds), free, found, float((speed.max() - speed.min()) / speed.median()))
+    noise = float((speed.max() - speed.min()) / speed.median())
+    return BenchResult(over_rounds(rounds), free, starts.groupby("of").median(), found, noise)
 
 
 def over_rounds(rounds: pd.DataFrame) -> pd.DataFrame:
@@ -110,16 +123,20 @@ def _rounds(effort: Effort, say: Say) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _free_running(effort: Effort) -> pd.DataFrame:
+def _free_running(effort: Effort, controllers: Mapping[str, Path | None]) -> pd.DataFrame:
     """Run in real time with the recorder at every rate, as normal processes and under SCHED_FIFO where permitted."""
     kinds = {"normal": None} | ({"fifo": FIFO_PRIORITY} if fifo_permitted() else {})
     rows = {}
     for rate in RATES_HZ:
         for kind, fifo in kinds.items():
-            result = dds.free_run(rate, effort.free_s, fifo)
-            rows[f"{rate}_{kind}"] = {
-                "fresh": result.timing["fresh_share"], "missed": result.timing["missed"],
-                "recorder_lost": float(result.lost), "real_time_factor": result.real_time_factor,
-                **{f"latency_{key}_ms": 1e3 * result.timing[f"latency_{key}_s"] for key in LATENCIES},
-            }  # fmt: skip
+            for of, folder in controllers.items():
+                result = dds.free_run(rate, effort.free_s, fifo, folder)
+                more = {"recorder_lost": float(result.lost), "real_time_factor": result.real_time_factor}
+                rows[f"{rate}_{kind}_{of}"] = _timing(result.timing) | {"missed": result.timing["missed"]} | more
+            if floor := controllers.get("floor"):
+                rows[f"{rate}_{kind}_wake-ups"] = _timing(dds.wake_ups(rate, effort.free_s, fifo, floor))
     return pd.DataFrame.from_dict(rows, orient="index")
+
+
+def _timing(of: Mapping[str, float]) -> dict[str, float]:
+    return {"fresh": of["fresh_share"], **{f"latency_{key}_ms": 1e3 * of[f"latency_{key}_s"] for key in LATENCIES}}

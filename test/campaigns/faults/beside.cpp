@@ -1,14 +1,17 @@
 /* The native node's session behind C functions of one form, for a trial in Python: one session at a time. */
 #include <algorithm>
 #include <memory>
+#include <string>
 
 #include "session.hpp"
 
-struct Beside {
+struct Beside { /* `given`: values that change together */
   explicit Beside(const char *folder) : settings(read_settings(folder)), session(settings) {}
   Settings settings;
   Session session;
   JointSample joint;
+  Values given;
+  std::string refusal;
 };
 
 static std::unique_ptr<Beside> of;
@@ -17,11 +20,12 @@ extern "C" {
 void make(const char *folder) { of = std::make_unique<Beside>(folder); }
 const void *state() { return &of->session.task(); }
 const void *exchange() { return &of->session.inputs(); }
+const void *config() { return &of->session.config(); }
 
-/* Parameters that change while the law runs, which the node does not take: CONFIG, then the state. */
+/* Noise that a tare has measured, and parameters that only Python changes: CONFIG, then the state. */
 void change(int64_t, int64_t, const double *numbers) {
   const size_t size = sizeof(SlipVic_ControllerConfig) / sizeof(double);
-  std::copy_n(numbers, size, reinterpret_cast<double *>(of->settings.config.data()));
+  std::copy_n(numbers, size, reinterpret_cast<double *>(const_cast<void *>(config())));
   std::copy_n(numbers + size, of->settings.state.size(), reinterpret_cast<double *>(const_cast<void *>(state())));
 }
 
@@ -41,6 +45,23 @@ void add_wrench(int64_t stamp_ns, int64_t now_ns, const double *six) {
 
 void add_slip(int64_t stamp_ns, int64_t now_ns, const double *six_and_valid) {
   of->session.add_slip(0, stamp_ns, six_and_valid, six_and_valid[6] != 0.0, now_ns);
+}
+
+/* Name a parameter that changes: its length, 0 of a number. */
+void give(const char *name, int64_t length, const double *numbers) {
+  of->given[name] = length == 0 ? Value(*numbers) : Value(std::vector<double>(numbers, numbers + length));
+}
+
+/* Set those that were named; return why not, empty where they are set. */
+const char *set_parameters() {
+  of->refusal.clear();
+  try {
+    of->session.set_parameters(of->given, "trial");
+  } catch (const std::runtime_error &error) {
+    of->refusal = error.what();
+  }
+  of->given.clear();
+  return of->refusal.c_str();
 }
 
 void request(int64_t wanted, int64_t, const double *) { of->session.request(wanted); }

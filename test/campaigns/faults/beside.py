@@ -10,7 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from slip_core.arrays import Array
 from slip_core.errors import InputError
+from slip_core.params import flatten, parameter_infos
 from slip_core.types import CartesianReference, JointSample, PoseGoal, SlipSample, WrenchSample
 from slip_vic.scenarios.scenario import Scenario
 from slip_vic.setup.export import write_node
@@ -19,17 +21,17 @@ from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.session.cycle_result import CycleResult
 from test.support.one_arm import OneArm
 
+LIVE = {info.name for info in parameter_infos(ControllerParams) if info.runtime}
+"""Parameters that nodes change while the law runs."""
 
-def compile_beside(native: Path) -> None:
-    """Compile what trials call of a built export; InputError where it is not built."""
-    build = native.resolve() / "build"
-    command = [
-        "c++", "-std=c++17", "-O2", "-shared", "-fPIC", f"-I{native}", f"-I{native}/node", f"-L{build}",
-        Path(__file__).with_suffix(".cpp"), "-lslip_vic_session", f"-Wl,-rpath,{build}", "-o", build / "beside.so",
-    ]  # fmt: skip
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode != 0:
-        raise InputError(f"{native}", got=done.stderr, expected="a built export", fix="cmake, see docs/native.md")
+
+def compile_more(native: Path) -> None:
+    """Compile beside.cpp and floor.cpp with the node of a built export; InputError where it is not built."""
+    build, more = native.resolve() / "build", Path(__file__).parents[1] / "native.cmake"
+    for command in (f"cmake -DSLIP_VIC_MORE={more} {build}", f"cmake --build {build} --target beside floor"):
+        done = subprocess.run(command.split(), capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            raise InputError(f"{native}", got=done.stderr, expected="a built export", fix="cmake, see docs/native.md")
 
 
 class BesideNative(OneArm):
@@ -40,13 +42,15 @@ class BesideNative(OneArm):
 
     Args:
         controller, scenario: of both.
-        native: a built export, after `compile_beside`.
+        native: a built export, after `compile_more`.
     """
 
     def __init__(self, controller: Controller, scenario: Scenario, native: Path) -> None:
         super().__init__(controller)
         self._library: Any = ctypes.CDLL(str(native / "build" / "beside.so"))
-        self._library.state.restype = self._library.exchange.restype = ctypes.c_void_p
+        for name in ("state", "exchange", "config"):
+            getattr(self._library, name).restype = ctypes.c_void_p
+        self._library.set_parameters.restype = ctypes.c_char_p
         with tempfile.TemporaryDirectory(prefix="slip_vic_beside_") as own:
             write_node(scenario, Path(own))
             self._library.make(own.encode())
@@ -58,7 +62,7 @@ class BesideNative(OneArm):
         return getattr(self._library, name)(ctypes.c_int64(first), ctypes.c_int64(now_ns), pointer)
 
     def _change(self) -> None:
-        """Take over CONFIG and state: the native node has no parameters that change, and no noise of a tare."""
+        """Take over CONFIG and state: of the noise of a tare, and of parameters that no node changes."""
         self._config = self.session.config
         self._call("change", 0, 0, self._config, self.session.buffer)
 
@@ -84,8 +88,27 @@ class BesideNative(OneArm):
         self._call("set_goal", 0, 0, goal.position, goal.rotation.ravel(), np.zeros(12), (goal.duration_s,))
 
     def retune(self, params: ControllerParams) -> None:
-        super().retune(params)
-        self._change()
+        now, refusal = flatten(self.tuned), b""
+        changed = {name: value for name, value in flatten(params).items() if value != now[name]}
+        if not changed:  # for nodes that is no change
+            return
+        for name in LIVE & changed.keys():
+            numbers = np.array(changed[name], dtype=float)
+            pointer = numbers.ctypes.data_as(ctypes.c_void_p)
+            self._library.give(name.encode(), ctypes.c_int64(numbers.size * numbers.ndim), pointer)
+        theirs = self._library.set_parameters()
+        try:
+            super().retune(params)
+        except InputError as error:
+            refusal = str(error).encode()
+            raise
+        finally:
+            if changed.keys() - LIVE:
+                self._change()
+            else:
+                assert theirs == refusal, f"native: a change is answered by {theirs!r} alone"
+                self._compare(config=self.session.config)
+                self._config = self.session.config
 
     def cycle(self, now_ns: int) -> CycleResult | None:
         self._call("request", self.arm._request, 0)
@@ -99,12 +122,14 @@ class BesideNative(OneArm):
         """Return Python's result, where it is that of the native session."""
         assert answers == (result is not None), f"native: cycle {self.arm.cycles}: one answers alone"
         assert self._library.slip_vic_faults() == 0, "native: compiled code has met an exception"
-        given = {"state": self.session.buffer}
+        self._compare(state=self.session.buffer)
         if result is not None:
-            given["exchange"] = np.concatenate((result.inputs, result.outputs))
-        for name, mine in given.items():
-            theirs = ctypes.string_at(getattr(self._library, name)(), mine.nbytes)
-            assert theirs == mine.tobytes(), f"native: cycle {self.arm.cycles}: {name} differs"
+            self._compare(exchange=np.concatenate((result.inputs, result.outputs)))
         if self.session.config is not self._config:
             self._change()
         return result
+
+    def _compare(self, **numbers: Array) -> None:
+        (name, mine), *_ = numbers.items()
+        theirs = ctypes.string_at(getattr(self._library, name)(), mine.nbytes)
+        assert theirs == mine.tobytes(), f"native: cycle {self.arm.cycles}: {name} differs"

@@ -60,7 +60,7 @@ def faults(
         _attack(only, out, native)
         return
     if native is not None:
-        beside.compile_beside(native)
+        beside.compile_more(native)
     console, verdicts, failed = Console(stderr=True), list[campaign.Verdict](), list[campaign.Verdict]()
 
     try:

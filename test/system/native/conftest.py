@@ -33,7 +33,7 @@ def built(library: Path) -> Path:
     return library
 
 
-def call(*command: str, cwd: Path) -> str:
+def call(*command: str | Path, cwd: Path) -> str:
     """Return what a command has printed; it must not fail."""
     done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=600, check=False)
     assert done.returncode == 0, done.stdout + done.stderr

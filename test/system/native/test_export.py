@@ -28,7 +28,6 @@ def example(library: Path) -> Path:
 
 
 RUNS = {
-    "an ideal arm": ("paper_planar", "governed", {}, ()),
     "an observer, estimated joints and a tare": (
         "paper_planar", "governed", {"sensor": "vision_60", "drive": "torque_joint"},
         ("controller.tare.duration_s=0.1",),
@@ -37,9 +36,8 @@ RUNS = {
         "glass_transport", "governed", {"sensor": "optical_flow_120", "drive": "velocity_500"},
         ("controller.grip.control=follow", "bridge.grip.control=follow"),
     ),
-    "positions": ("vertical_plane", "vic", {"sensor": "event_1000", "drive": "position_250"}, ()),
+    "displacements": ("vertical_plane", "vic", {"sensor": "event_1000"}, ("slip_input=displacement",)),
     "the printed law": ("paper_planar", "printed", {}, ()),
-    "two arms": ("pane_two_arms_flat", "governed", {"sensor": "vision_60", "drive": "motor_current"}, ()),
 }  # fmt: skip
 BAGS = {reference.name: reference for reference in REFERENCES}
 

@@ -4,21 +4,28 @@
 
 from __future__ import annotations
 
+import math
 import os
 import shutil
 import signal
 import subprocess
 import sysconfig
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
+from rclpy.parameter import Parameter, parameter_value_to_python
 
 from slip_bags.reader import Bag
 from slip_core.errors import InputError
 from slip_core.files.urdf import usable_urdf
+from slip_core.params import build, flatten, parameter_infos
 from slip_core.records import new
+from slip_msgs_py.environment import choose_transport
+from slip_msgs_py.ros_params import descriptor
 from slip_vic.replay.run_data import read_run
 from slip_vic.replay.verify import verify_run
 from slip_vic.run.commands import native_command
@@ -26,12 +33,14 @@ from slip_vic.run.in_process import run_in_process
 from slip_vic.run.launcher import Launcher
 from slip_vic.scenarios.scenario import load
 from slip_vic_controller.law.arm import ARM
+from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.robot import Robot
 from slip_vic_controller.safety.conditions import Reason, Why, describe
 from test.campaigns.attacks.suite import run_attacks, with_numbers
-from test.campaigns.faults.beside import BesideNative, compile_beside
+from test.campaigns.faults.beside import BesideNative, compile_more
 from test.campaigns.faults.campaign import judge
-from test.support.ros import Processes
+from test.support.one_arm import OneArm, one_arm
+from test.support.ros import Processes, node_in
 from test.system.native.conftest import SHORT, call
 from test.system.nodes.test_modes import BRIDGE_ENDLESS, CONTROLLER_SLOW, Start, Watcher, start, watcher  # noqa: F401
 
@@ -40,42 +49,19 @@ pytestmark = [
     pytest.mark.timeout(600),  # the first one compiles the node, for minutes on a slow machine
 ]
 STATES = 200
+HERE = Path(__file__).parent
 REACHED_M = 2e-4  # the impedance has 4 time constants to settle on a 2 mm step
 
 
 # -- terms -------------------------------------------------------------------------------------------
 
-TERMS = """\
-#include <cstdio>
-#include <fstream>
-#include <iterator>
-#include "terms.hpp"
-extern "C" void *__libc_malloc(size_t);
-static long allocations = 0;
-extern "C" void *malloc(size_t size) { return ++allocations, __libc_malloc(size); }
-int main(int, char **names) {
-  std::ifstream file(names[1]);
-  const int n = std::atoi(names[3]);
-  Terms terms({std::istreambuf_iterator<char>(file), {}}, names[2], {0.1, 0.2, -9.81}, std::vector<double>(n, 0.05));
-  std::vector<double> state(2 * n);
-  while (std::fread(state.data(), 8, state.size(), stdin) == state.size()) {
-    SlipVic_Arm arm{};
-    const long before = allocations;
-    terms.fill(state.data(), state.data() + n, &arm);
-    if (allocations != before) return 1;
-    std::fwrite(&arm, sizeof arm, 1, stdout);
-  }
-}
-"""
-
 
 @pytest.fixture(scope="module")
 def terms(built: Path) -> Path:
-    """A program that prints the record of each joint state that it reads, and fails where that allocates memory."""
-    (built / "terms_main.cpp").write_text(TERMS)
+    """The program of terms_main.cpp."""
     libraries = Path(sysconfig.get_path("purelib")) / "cmeel.prefix" / "lib"
     call(
-        "c++", "-std=c++17", "-I.", "-Inode", "terms_main.cpp", "build/libslip_vic_terms.a", "libslip_vic.so",
+        "c++", "-std=c++17", "-I.", "-Inode", HERE / "terms_main.cpp", "build/libslip_vic_terms.a", "libslip_vic.so",
         f"-L{libraries}", "-lpinocchio_default", "-lpinocchio_parsers", f"-Wl,-rpath,{libraries}:{built}",
         f"-Wl,-rpath-link,{libraries}", "-o", "terms", cwd=built,
     )  # fmt: skip
@@ -103,19 +89,9 @@ def test_terms_are_those_of_python_to_the_last_bit(terms: Path, tmp_path: Path) 
     assert done.stdout == expected.tobytes()
 
 
-WORDS = """\
-#include <cstdio>
-#include "words.hpp"
-int main() {
-  SlipVic_WhyRecord why;
-  while (std::fread(&why, sizeof why, 1, stdin) == 1) std::puts(describe(why, {"one", "two"}).c_str());
-}
-"""
-
-
 def test_words_are_those_of_python(library: Path) -> None:
-    (library / "words_main.cpp").write_text(WORDS)
-    call("c++", "-std=c++17", "-I.", "-Inode", "words_main.cpp", "node/words.cpp", "-o", "words", cwd=library)
+    sources = HERE / "words_main.cpp", "node/words.cpp"
+    call("c++", "-std=c++17", "-I.", "-Inode", *sources, "-o", "words", cwd=library)
     whys = [
         Why(reason, fault, prefix, which, 0.123456, 1e6)
         for reason in Reason
@@ -132,8 +108,8 @@ def test_words_are_those_of_python(library: Path) -> None:
 
 RUNS = {
     "planned": ("governed", ()),
-    "noise and a slow sensor": (
-        "vic", ("bridge.sensors.slip.noise_linear=1e-3", "bridge.sensors.slip.rate_hz=120.0",
+    "noise and a slow sensor of displacements": (
+        "vic", ("slip_input=displacement", "bridge.sensors.slip.noise_linear=1e-3", "bridge.sensors.slip.rate_hz=120.0",
                 "bridge.sensors.wrench.noise_force=0.05", "controller.publish_effort_array=true"),
     ),
 }  # fmt: skip
@@ -155,29 +131,86 @@ def test_lockstep_run_is_that_of_python_and_verifies(built: Path, tmp_path: Path
     assert len(expected) - found.cycles in (0, 1)
 
 
-def test_real_time_run_verifies(built: Path, tmp_path: Path) -> None:
-    scenario = load("paper_planar", law="vic", mode="realtime", set=("bridge.duration_s=1.0",))
+TAKEN = {
+    "gains.stiffness": [20.0, 20.0, 400.0, 450.0, 450.0, 4.5], "gains.k_s": 300.0, "object.mass": 0.55,
+    "contacts.position": [0.021, 0.001, 0.0], "safety.hold_stiffness": 200.0,
+}  # fmt: skip
+REFUSED = (
+    ("gains.stiffness", [1e9] * 6), ("gains.stiffness", [5.0] * 5), ("gains.stiffness", [9e4] * 6),
+    ("gains.damping", [0.5] * 6), ("gains.damping", [*[5.0] * 5, math.nan]), ("gains.inertia", [0.0] * 6),
+    ("gains.k_s", 0.5), ("object.inertia", [1.0, 1.0, 5.0, 0.0, 0.0, 0.0]), ("contacts.position", [2.0, 0.0, 0.0]),
+    ("contacts.position", [0.0] * 6), ("nullspace.stiffness", 3.0),
+)  # fmt: skip
+OF_ROS = {
+    "Trying to set a read-only parameter: mode.": ("mode", "lockstep"),
+    "Wrong parameter type, expected 'Type.DOUBLE' got 'Type.INTEGER'": ("gains.k_s", 300),
+    "Parameter gains.k_s out of range Min: 1e-06, Max: 1000000.0, value: 2000000.0": ("gains.k_s", 2e6),
+    "Invalid access to undeclared parameter(s): ['no.such']": ("no.such", 1.0),
+}
+
+
+def refusal(params: ControllerParams, urdf: str, name: str, value: object) -> str:
+    """Return why Python refuses a change."""
+    with pytest.raises(InputError) as refused:
+        OneArm(one_arm(params, urdf, lockstep=False)).retune(
+            build(ControllerParams, flatten(params) | {name: value}, "slip_vic_controller")
+        )
+    return str(refused.value)
+
+
+def test_parameters_change_in_a_real_time_run_which_verifies(built: Path, tmp_path: Path) -> None:
+    scenario = load("paper_planar", law="vic", mode="realtime", set=("bridge.duration_s=6.0",))
     folder = with_numbers(built, scenario, tmp_path / "export")
-    Launcher(scenario, bag=tmp_path / "bag", native=folder).run()
-    bag = Bag(tmp_path / "bag")
-    found = verify_run(read_run(bag))
+    launcher = Launcher(scenario, bag=tmp_path / "bag", native=folder)
+    choose_transport()
+    given = [Parameter(name, value=value) for name, value in (*TAKEN.items(), *REFUSED, *OF_ROS.values())]
+
+    def talk(domain: int) -> tuple[Any, ...]:
+        with node_in(domain) as node:
+            watcher = Watcher(node)
+            watcher.wait_law()
+
+            def call(kind: Any, name: str, **fields: Any) -> Any:
+                return watcher.call(kind, f"/slip_vic_controller/{name}", kind.Request(**fields))
+
+            results = call(
+                SetParameters, "set_parameters", parameters=[one.to_parameter_msg() for one in given]
+            ).results
+            names = call(ListParameters, "list_parameters").result.names
+            values = call(GetParameters, "get_parameters", names=names).values
+            return results, names, values, call(DescribeParameters, "describe_parameters", names=names).descriptors
+
+    with ThreadPoolExecutor() as pool:
+        talks: list[Any] = []
+        launcher.run(on_domain=lambda domain: talks.append(pool.submit(talk, domain)))
+    results, names, values, described = talks[0].result()
+    tuned = build(ControllerParams, flatten(scenario.controller) | TAKEN, "test")
+    reasons = [result.reason for result in results]
+    assert [result.successful for result in results] == [not reason for reason in reasons]
+    assert reasons == [""] * len(TAKEN) + [refusal(tuned, scenario.urdf, *one) for one in REFUSED] + [*OF_ROS]
+    assert names == [info.name for info in parameter_infos(ControllerParams)]
+    shown = {name: parameter_value_to_python(value) for name, value in zip(names, values, strict=True)}
+    assert shown == flatten(tuned)
+    for info, of_ros in zip(parameter_infos(ControllerParams), described, strict=True):
+        of_ros.type = 0  # which rclpy adds
+        assert of_ros == descriptor(info)
+    runs = read_run(Bag(tmp_path / "bag"))
+    found = verify_run(runs)
     assert found.identical, found.text()
     assert found.cycles > 100
+    assert [change.gains.k_s for changes in runs[""].changes.values() for change in changes][-1] == 300.0
 
 
 # -- services, end -----------------------------------------------------------------------------------
 
 
-@pytest.fixture
-def native(built: Path, tmp_path: Path, processes: Processes) -> Any:
-    """The node in real time."""
+def test_services_and_silence_change_the_mode(
+    watcher: Watcher, start: Start, processes: Processes, built: Path, tmp_path: Path
+) -> None:
     scenario = load("paper_planar", law="vic", mode="realtime", set=(SHORT, *CONTROLLER_SLOW))
     folder = with_numbers(built, scenario, tmp_path / "export")
-    return processes.start("native", [folder / "build" / "slip_vic_node", folder])
-
-
-def test_services_change_the_mode(watcher: Watcher, start: Start, native: Any, processes: Processes) -> None:
-    start("bridge", *BRIDGE_ENDLESS)
+    native = processes.start("native", [folder / "build" / "slip_vic_node", folder])
+    bridge = start("bridge", *BRIDGE_ENDLESS)
     watcher.wait_law()
     assert watcher.trigger("tare").message == "the law is active: call ~/hold first"
     assert watcher.trigger("hold").success
@@ -186,16 +219,10 @@ def test_services_change_the_mode(watcher: Watcher, start: Start, native: Any, p
     assert watcher.trigger("reset_fault").success
     assert watcher.trigger("enable").success
     watcher.wait_mode("ACTIVE")
-    assert processes.stop(native, signal.SIGTERM) == 0
-    watcher.spin(lambda: len(watcher.commands[-1].effort) == 0, "the end of commands")
-
-
-def test_silence_is_answered_by_the_watchdog(watcher: Watcher, start: Start, native: Any, processes: Processes) -> None:
-    bridge = start("bridge", *BRIDGE_ENDLESS)
-    watcher.wait_law()
     processes.kill(bridge)
     watcher.wait_mode("HOLD", "joint state is silent")
-    assert processes.stop(native, signal.SIGINT) == 0
+    assert processes.stop(native, signal.SIGTERM) == 0
+    watcher.spin(lambda: len(watcher.commands[-1].effort) == 0, "the end of commands")
 
 
 @pytest.mark.parametrize(("kind", "topic"), [("topic", "reference"), ("goal", "goal")])
@@ -247,15 +274,15 @@ def test_reference_and_goal_are_followed(
         ),
         "no ROS argument": (("{folder}", "--ros-args", "--nonsense"), "error: --ros-args: got an argument"),
         "cut state": (("{cut}",), "/state.bin: got 8 bytes, expected the state of one arm"),
+        "several arms": (("{two}",), "got 2 arms, expected one"),
     }.values(),
 )  # fmt: skip
 def test_bad_input_is_one_line(built: Path, tmp_path: Path, arguments: tuple[str, ...], line: str) -> None:
-    cut = tmp_path / "cut"
-    cut.mkdir()
-    for name in ("controller.bin", "controller.yaml", "arm.urdf"):
-        (cut / name).symlink_to(built / name)
-    (cut / "state.bin").write_bytes(bytes(8))
-    words = [of.format(folder=built, cut=cut) for of in arguments]
+    both = (built / "controller.bin").read_bytes() * 2
+    for folder, name, data in (("cut", "state.bin", bytes(8)), ("two", "controller.bin", both)):
+        shutil.copytree(built, tmp_path / folder, ignore=shutil.ignore_patterns("build", "node", "*.a", "run.bin"))
+        (tmp_path / folder / name).write_bytes(data)
+    words = [of.format(folder=built, cut=tmp_path / "cut", two=tmp_path / "two") for of in arguments]
     done = subprocess.run(
         [built / "build" / "slip_vic_node", *words], capture_output=True, text=True, timeout=60, check=False
     )
@@ -272,17 +299,6 @@ def test_export_of_other_parameters_is_refused(built: Path) -> None:
         native_command(built / "node", scenario.controller)
 
 
-def test_several_arms_are_refused(built: Path, tmp_path: Path) -> None:
-    both = (built / "controller.bin").read_bytes() * 2
-    shutil.copytree(built, tmp_path / "two", ignore=shutil.ignore_patterns("build", "node", "*.a", "run.bin"))
-    (tmp_path / "two" / "controller.bin").write_bytes(both)
-    done = subprocess.run(
-        [built / "build" / "slip_vic_node", tmp_path / "two"], capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 2
-    assert "got 2 arms, expected one" in done.stderr
-
-
 def test_node_needs_no_python(built: Path) -> None:
     environment = {name: value for name, value in os.environ.items() if name != "LD_LIBRARY_PATH"}
     done = subprocess.run(
@@ -296,7 +312,7 @@ def test_node_needs_no_python(built: Path) -> None:
 
 
 def test_both_sessions_give_the_same_bits_in_trials(built: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    compile_beside(built)
+    compile_more(built)
     for trial in (0, 19, 36, 47):
         verdict = judge(7, trial, native=built)
         assert verdict.violations == ()

@@ -33,7 +33,7 @@ def test_promise_is_kept_under_attack(tmp_path: Path) -> None:
 def test_monitor_sees_violations(monkeypatch: pytest.MonkeyPatch) -> None:
     def kill(stage: suite.Stage) -> str:
         stage.wait(3.0)
-        stage._nodes["bridge"].send(9)
+        stage._nodes["bridge"].kill()
         stage.wait(0.5)
         return ""
 

@@ -9,7 +9,7 @@ import numpy as np
 from slip_core.params import build
 from slip_core.records import new, record
 from slip_vic_controller.law.bounds import held_sample_limit
-from slip_vic_controller.law.gains import LAW_GAINS, RAMP, gains_at, make_law_gains, make_ramp
+from slip_vic_controller.law.gains import LAW_GAINS, RAMP, fill_ramp, gains_at, make_law_gains
 from slip_vic_controller.params.controller_params import ControllerParams, TrajectoryParams
 from slip_vic_controller.path.paths import make_path
 from test.support.call import call
@@ -31,7 +31,8 @@ def digests() -> list[str]:
         found["motion"].update(case.motion(case.v_s)[1].tobytes())
     stiff = {"gains.stiffness": (20.0,) * 6, "gains.damping": (5.0,) * 6, "object.mass": 0.8}
     start, target = (make_law_gains(build(ControllerParams, values, "test"), 900.0) for values in ({}, stiff))
-    ramp = make_ramp(start, target, 0, 0.2)
+    ramp = new(RAMP)
+    call(fill_ramp, ramp, start, target, 0, 200_000_000)
     for share in (0.0, 0.1, 0.37, 0.9, 1.0):
         now = new(LAW_GAINS)
         call(gains_at, ramp, round(share * record(ramp, RAMP).duration_ns), now)

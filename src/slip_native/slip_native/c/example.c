@@ -49,12 +49,12 @@ int main(int count, char **names) {
     if (whole(&words)) config = (const void *)numbers(&words, n_config); /* a tare has measured noise */
     for (int64_t samples = whole(&words); samples > 0; --samples) {
       const int64_t slip = whole(&words), arm = whole(&words), contact = whole(&words), stamp = whole(&words);
-      const int64_t valid = whole(&words);
+      const int64_t arrival = whole(&words), valid = whole(&words);
       const double *six = numbers(&words, 6);
       if (slip)
-        slip_vic_receive_slip(config + arm, rows_of + arm, contact, stamp, six, valid, 0, stamp);
+        slip_vic_receive_slip(config + arm, rows_of + arm, contact, stamp, six, valid, 0, arrival);
       else
-        slip_vic_receive_wrench(config + arm, rows_of + arm, contact, stamp, six, 0, stamp);
+        slip_vic_receive_wrench(config + arm, rows_of + arm, contact, stamp, six, 0, arrival);
     }
     int64_t now[MOST_ARMS], reason[MOST_ARMS];
     for (int64_t k = 0; k < arms; ++k) {

@@ -43,7 +43,8 @@ ControllerNode::ControllerNode(ros::Node &ros, const Settings &settings)
       joints_(settings.joint_names),
       command_(ros, settings.interface + "_command"),
       ledger_(ros, "controller/ledger"),
-      ready_(ros, "controller/ready", LATCHED) {
+      ready_(ros, "controller/ready", LATCHED),
+      parameters_(ros, session_, &services_) {
   ros::set(command_.message->name, settings.joint_names);
   if (settings.interface != "effort" || settings.effort_array) array_.emplace(ros, settings.interface + "_controller/commands");
   if (session_.config().grip.follow) grip_.emplace(ros, "grip_command");
@@ -65,7 +66,11 @@ ControllerNode::ControllerNode(ros::Node &ros, const Settings &settings)
   subscribe_task();
   for (const auto &[name, request] : {std::pair{"~/enable", SLIP_VIC_REQUEST_ENABLE}, {"~/hold", SLIP_VIC_REQUEST_HOLD},
                                       {"~/reset_fault", SLIP_VIC_REQUEST_RESET_FAULT}, {"~/tare", SLIP_VIC_REQUEST_TARE}})
-    services_.emplace_back(request, std::make_unique<ros::Trigger>(ros, name));
+    services_.push_back(ros::serve<ros::Trigger>(ros, name, [this, request = request](const auto &, auto &response) {
+      const auto [success, text] = answer(request);
+      response.success = success;
+      ros::set(response.message, text);
+    }));
   ros::check(rcl_wait_set_init(&set_, inputs_.size(), 0, 0, 0, services_.size(), 0, &ros.context, rcl_get_default_allocator()),
              "wait set");
   log_info(std::string("configured in ") + (settings.lockstep ? "lockstep" : "realtime"));
@@ -94,6 +99,14 @@ void ControllerNode::subscribe_contacts() {
             double six[6];
             const bool known = read_flag(message, six);
             session_.add_slip(contact, stamp_of(message.header.stamp), six, known, now_ns());
+            ended();
+          });
+    else if (settings_.slip_input == "displacement")
+      subscribe<geometry_msgs__msg__PoseStamped>(
+          of_contact("slip_displacement", contact), KEPT, [=](const geometry_msgs__msg__PoseStamped &message) {
+            SlipVic_Pose pose;
+            const bool valid = read_displacement(message, &pose);
+            session_.add_displacement(contact, stamp_of(message.header.stamp), valid ? &pose : nullptr, now_ns());
             ended();
           });
     else
@@ -234,7 +247,7 @@ void ControllerNode::announce_when_ready() {
 void ControllerNode::wait(int64_t timeout_ns) {
   ros::check(rcl_wait_set_clear(&set_), "wait set");
   for (const auto &input : inputs_) ros::check(rcl_wait_set_add_subscription(&set_, &input->subscription, nullptr), "wait set");
-  for (const auto &[request, service] : services_) ros::check(rcl_wait_set_add_service(&set_, &service->service, nullptr), "wait set");
+  for (const auto &service : services_) ros::check(rcl_wait_set_add_service(&set_, &service->service, nullptr), "wait set");
   const rcl_ret_t code = rcl_wait(&set_, timeout_ns);
   if (code != RCL_RET_TIMEOUT) ros::check(code, "waiting");
 }
@@ -246,7 +259,7 @@ void ControllerNode::run(const volatile int &stop) {
     wait(std::max<int64_t>(0, std::min(look_ns, watchdog_ns) - before_ns));
     for (size_t k = 0; k < services_.size(); ++k)
       if (set_.services[k] != nullptr)
-        services_[k].second->handle([&, request = services_[k].first] { return answer(request); });
+        services_[k]->handle();
     for (size_t k = 0; k < inputs_.size(); ++k)
       if (set_.subscriptions[k] != nullptr) inputs_[k]->handle();
     const int64_t later_ns = now_ns();

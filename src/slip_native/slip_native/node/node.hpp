@@ -9,6 +9,7 @@
 #include <tuple>
 #include <vector>
 
+#include "parameter_server.hpp"
 #include "reports.hpp"
 #include "ros.hpp"
 #include "samples.hpp"
@@ -53,7 +54,8 @@ class ControllerNode {
   std::optional<ros::Publisher<std_msgs__msg__Float64>> grip_;
   std::optional<ros::Publisher<trajectory_msgs__msg__MultiDOFJointTrajectory>> used_;
   std::vector<std::unique_ptr<ros::AnySubscription>> inputs_; /* the joint states last: they begin a cycle */
-  std::vector<std::pair<int64_t, std::unique_ptr<ros::Trigger>>> services_;
+  std::vector<std::unique_ptr<ros::AnyService>> services_;
+  ParameterServer parameters_;
   rcl_wait_set_t set_ = rcl_get_zero_initialized_wait_set();
   bool is_ready_ = false;
   size_t needed_ = 0; /* of the inputs, those without which the node is not ready */

@@ -17,6 +17,19 @@
 #include <geometry_msgs/msg/wrench_stamped.h>
 #include <rcl/error_handling.h>
 #include <rcl/rcl.h>
+#include <rcl_interfaces/msg/detail/floating_point_range__functions.h>
+#include <rcl_interfaces/msg/detail/integer_range__functions.h>
+#include <rcl_interfaces/msg/detail/parameter__functions.h>
+#include <rcl_interfaces/msg/detail/parameter_descriptor__functions.h>
+#include <rcl_interfaces/msg/detail/parameter_value__functions.h>
+#include <rcl_interfaces/msg/detail/set_parameters_result__functions.h>
+#include <rcl_interfaces/msg/parameter_event.h>
+#include <rcl_interfaces/srv/describe_parameters.h>
+#include <rcl_interfaces/srv/get_parameter_types.h>
+#include <rcl_interfaces/srv/get_parameters.h>
+#include <rcl_interfaces/srv/list_parameters.h>
+#include <rcl_interfaces/srv/set_parameters.h>
+#include <rcl_interfaces/srv/set_parameters_atomically.h>
 #include <rosidl_runtime_c/primitives_sequence_functions.h>
 #include <rosidl_runtime_c/string_functions.h>
 #include <sensor_msgs/msg/joint_state.h>
@@ -60,6 +73,7 @@ SLIP_VIC_MESSAGE(diagnostic_msgs, DiagnosticArray)
 SLIP_VIC_MESSAGE(geometry_msgs, PoseStamped)
 SLIP_VIC_MESSAGE(geometry_msgs, TwistStamped)
 SLIP_VIC_MESSAGE(geometry_msgs, WrenchStamped)
+SLIP_VIC_MESSAGE(rcl_interfaces, ParameterEvent)
 SLIP_VIC_MESSAGE(sensor_msgs, JointState)
 SLIP_VIC_MESSAGE(std_msgs, Float64)
 SLIP_VIC_MESSAGE(std_msgs, Float64MultiArray)
@@ -240,43 +254,72 @@ class Subscription final : public AnySubscription {
   Refuse refuse_;
 };
 
-/* A std_srvs/Trigger, answered by `answer(response)`. */
-class Trigger {
- public:
-  Trigger(Node &node, const std::string &name) : node_(node) {
-    const rcl_service_options_t options = rcl_service_get_default_options();
-    check(rcl_service_init(&service, &node.node, ROSIDL_GET_SRV_TYPE_SUPPORT(std_srvs, srv, Trigger), name.c_str(),
-                           &options), "service " + name);
-    if (!std_srvs__srv__Trigger_Request__init(&request_)) throw std::bad_alloc();
-    if (!std_srvs__srv__Trigger_Response__init(&response_)) throw std::bad_alloc();
-  }
-  ~Trigger() {
-    std_srvs__srv__Trigger_Request__fini(&request_);
-    std_srvs__srv__Trigger_Response__fini(&response_);
-    ignore(rcl_service_fini(&service, &node_.node));
-  }
-  Trigger(const Trigger &) = delete;
-  Trigger &operator=(const Trigger &) = delete;
+/* A service with its types. */
+#define SLIP_VIC_SERVICE(package, name)                                                                             \
+  struct name {                                                                                                     \
+    using Request = package##__srv__##name##_Request;                                                               \
+    using Response = package##__srv__##name##_Response;                                                             \
+    static const rosidl_service_type_support_t *support() { return ROSIDL_GET_SRV_TYPE_SUPPORT(package, srv, name); } \
+  };                                                                                                                \
+  SLIP_VIC_PART(package##__srv__##name##_Request)                                                                   \
+  SLIP_VIC_PART(package##__srv__##name##_Response)
+#define SLIP_VIC_PART(type)                                        \
+  template <>                                                      \
+  struct Type<type> {                                              \
+    static bool init(type *body) { return type##__init(body); }    \
+    static void fini(type *body) { type##__fini(body); }           \
+  };
+SLIP_VIC_SERVICE(std_srvs, Trigger)
+SLIP_VIC_SERVICE(rcl_interfaces, DescribeParameters)
+SLIP_VIC_SERVICE(rcl_interfaces, GetParameters)
+SLIP_VIC_SERVICE(rcl_interfaces, GetParameterTypes)
+SLIP_VIC_SERVICE(rcl_interfaces, ListParameters)
+SLIP_VIC_SERVICE(rcl_interfaces, SetParameters)
+SLIP_VIC_SERVICE(rcl_interfaces, SetParametersAtomically)
+#undef SLIP_VIC_SERVICE
+#undef SLIP_VIC_PART
 
-  template <class Answer>
-  void handle(Answer answer) {
-    rmw_request_id_t id;
-    size_t left = rcl_service_get_options(&service)->qos.depth;
-    for (; left > 0 && rcl_take_request(&service, &id, &request_) == RCL_RET_OK; --left) {
-      const auto [success, text] = answer();
-      response_.success = success;
-      set(response_.message, text);
-      ignore(rcl_send_response(&service, &id, &response_)); /* who asked has gone */
-    }
-    rcl_reset_error();
+class AnyService {
+ public:
+  AnyService(Node &node, const rosidl_service_type_support_t *type, const std::string &name) : node_(node) {
+    const rcl_service_options_t options = rcl_service_get_default_options();
+    check(rcl_service_init(&service, &node.node, type, name.c_str(), &options), "service " + name);
   }
+  virtual ~AnyService() { ignore(rcl_service_fini(&service, &node_.node)); }
+  AnyService(const AnyService &) = delete;
+  AnyService &operator=(const AnyService &) = delete;
+  virtual void handle() = 0;
 
   rcl_service_t service = rcl_get_zero_initialized_service();
 
  private:
   Node &node_;
-  std_srvs__srv__Trigger_Request request_{};
-  std_srvs__srv__Trigger_Response response_{};
 };
+
+/* Answers every request by `answer(request, response)`, where the response is empty. */
+template <class Kind, class Answer>
+class Service final : public AnyService {
+ public:
+  Service(Node &node, const std::string &name, Answer answer) : AnyService(node, Kind::support(), name), answer_(answer) {}
+  void handle() override {
+    for (size_t left = rcl_service_get_options(&service)->qos.depth; left > 0; --left) {
+      rmw_request_id_t id;
+      Message<typename Kind::Request> request;
+      Message<typename Kind::Response> response;
+      if (rcl_take_request(&service, &id, &*request) != RCL_RET_OK) break;
+      answer_(*request, *response);
+      ignore(rcl_send_response(&service, &id, &*response)); /* who asked has gone */
+    }
+    rcl_reset_error();
+  }
+
+ private:
+  Answer answer_;
+};
+
+template <class Kind, class Answer>
+std::unique_ptr<AnyService> serve(Node &node, const std::string &name, Answer answer) {
+  return std::make_unique<Service<Kind, Answer>>(node, name, answer);
+}
 
 }  // namespace ros

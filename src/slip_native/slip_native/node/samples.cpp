@@ -78,6 +78,16 @@ static void put_rotation(double (*R)[3], const geometry_msgs__msg__Quaternion &o
   std::memcpy(R, rows, sizeof rows);
 }
 
+bool read_displacement(const geometry_msgs__msg__PoseStamped &message, SlipVic_Pose *pose) {
+  const auto &p = message.pose.position;
+  const auto &q = message.pose.orientation;
+  const double norm = std::sqrt(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w);
+  if (!std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z) || !(std::isfinite(norm) && norm > LEAST_NORM)) return false;
+  pose->position[0] = p.x, pose->position[1] = p.y, pose->position[2] = p.z;
+  put_rotation(pose->rotation, q);
+  return true;
+}
+
 static bool all(const double *values, size_t count, bool (*so)(double)) { return std::all_of(values, values + count, so); }
 
 static Point read_point(const trajectory_msgs__msg__MultiDOFJointTrajectory &message) {

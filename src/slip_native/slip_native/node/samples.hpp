@@ -31,6 +31,9 @@ void check_frame(const std_msgs__msg__Header &header, const std::string &frame);
 /* A slip flag as six ones or zeros; false where nothing is known. */
 bool read_flag(const sensor_msgs__msg__JointState &message, double *six);
 
+/* A slip displacement; false where it is none. */
+bool read_displacement(const geometry_msgs__msg__PoseStamped &message, SlipVic_Pose *pose);
+
 /* The only point of a reference, or of a goal, in {w}. */
 struct Point {
   SlipVic_DesiredMotion motion;

@@ -8,6 +8,8 @@ static const int64_t SECOND_NS = 1'000'000'000;
 
 Session::Session(const Settings &settings)
     : settings_(settings),
+      parameters_(settings.parameters),
+      config_(settings.config[0]),
       terms_(settings.urdf, settings.ee_frame, settings.gravity, settings.armature),
       n_(settings.joint_names.size()),
       state_(settings.state),
@@ -18,7 +20,8 @@ Session::Session(const Settings &settings)
       inputs_(reinterpret_cast<SlipVic_CycleInputs *>(exchange_.data())),
       outputs_(reinterpret_cast<SlipVic_CycleOutputs *>(inputs_ + 1)),
       wrench_counts_(static_cast<size_t>(settings.contacts)),
-      slip_counts_(static_cast<size_t>(settings.contacts)) {}
+      slip_counts_(static_cast<size_t>(settings.contacts)),
+      displacements_(static_cast<size_t>(settings.contacts)) {}
 
 void Session::add_joint(const JointSample &sample, int64_t now_ns) {
   now_ns = settings_.lockstep ? sample.stamp_ns : now_ns;
@@ -37,6 +40,22 @@ void Session::add_wrench(int contact, int64_t stamp_ns, const double *six, int64
 void Session::add_slip(int contact, int64_t stamp_ns, const double *six, bool valid, int64_t now_ns) {
   ++slip_counts_[static_cast<size_t>(contact)];
   slip_vic_receive_slip(&config(), arm_, contact, stamp_ns, six, valid, 0, settings_.lockstep ? stamp_ns : now_ns);
+}
+
+void Session::add_displacement(int contact, int64_t stamp_ns, const SlipVic_Pose *pose, int64_t now_ns) {
+  double twist[6];
+  std::fill_n(twist, 6, std::nan(""));
+  auto &last = displacements_[static_cast<size_t>(contact)];
+  const auto before = last;
+  last.reset();
+  if (pose == nullptr) return add_slip(contact, stamp_ns, twist, false, now_ns);
+  last.emplace(stamp_ns, *pose);
+  ++slip_counts_[static_cast<size_t>(contact)];
+  if (!before || stamp_ns <= before->first) return;
+  const SlipVic_Pose &from = before->second;
+  slip_vic_mean_velocity(from.position, from.rotation, pose->position, pose->rotation, stamp_ns - before->first, twist);
+  slip_vic_receive_slip(&config(), arm_, contact, (before->first + stamp_ns) / 2, twist, 1, 0,
+                        settings_.lockstep ? stamp_ns : now_ns);
 }
 
 bool Session::add_manifest(const int64_t *numbers, size_t count) {
@@ -108,6 +127,17 @@ void Session::set_goal(const SlipVic_DesiredMotion &pose, double duration_s) {
   std::memcpy(goal.to_rotation, pose.rotation, sizeof pose.rotation);
   goal.duration = duration_s;
   ++task_->taken;
+}
+
+void Session::set_parameters(const Values &given, const std::string &node) {
+  Parameters wanted = parameters_.changed(given, node);
+  if (wanted == parameters_) return;
+  const Tuning tuning = tune(parameters_, wanted, config_);
+  if (tuning.other_object) arm_->tare.mass_share = 0.0; /* what a user gives counts */
+  slip_vic_ramp_to(arm_, &tuning.gains, tuning.least_ns);
+  config_.gains = tuning.gains, config_.hold = tuning.hold;
+  for (size_t k = 0; k < slip_counts_.size(); ++k) std::copy_n(&tuning.positions[3 * k], 3, config_.law.contact[k].position);
+  parameters_ = std::move(wanted);
 }
 
 SlipVic_Symbols Session::symbols() const {

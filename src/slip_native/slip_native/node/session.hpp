@@ -3,6 +3,7 @@
 
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "settings.hpp"
@@ -23,11 +24,16 @@ class Session {
   void add_joint(const JointSample &sample, int64_t now_ns);
   void add_wrench(int contact, int64_t stamp_ns, const double *six, int64_t now_ns);
   void add_slip(int contact, int64_t stamp_ns, const double *six, bool valid, int64_t now_ns);
+  /* Take a slip displacement, nullptr where it is invalid: from the second one on it gives slip velocities. */
+  void add_displacement(int contact, int64_t stamp_ns, const SlipVic_Pose *pose, int64_t now_ns);
   /* Take the bridge's list of what belongs to a cycle: tick, sec, nanosec, then counts; false where it is none. */
   bool add_manifest(const int64_t *numbers, size_t count);
   /* Take who else publishes: a SlipVic_Reason. */
   void set_outside(int64_t reason) { arm_->outside = reason; }
   void request(int64_t request) { request_ = request; }
+  /* Take changed parameters, which ramp from the next cycle on; throws Refused or InputError, and changes nothing then.
+     node: named by errors. */
+  void set_parameters(const Values &given, const std::string &node);
   /* Take a reference, or a goal with its duration [s]. */
   void set_reference(const SlipVic_DesiredMotion &reference, int64_t stamp_ns);
   void set_goal(const SlipVic_DesiredMotion &pose, double duration_s);
@@ -43,7 +49,8 @@ class Session {
   const SlipVic_CycleOutputs &outputs() const { return *outputs_; }
   bool commands() const { return commands_; }
 
-  const SlipVic_ControllerConfig &config() const { return settings_.config[0]; }
+  const SlipVic_ControllerConfig &config() const { return config_; }
+  const Parameters &parameters() const { return parameters_; }
   const SlipVic_ArmState &arm() const { return *arm_; }
   const SlipVic_TaskState &task() const { return *task_; }
   SlipVic_Symbols symbols() const;
@@ -54,6 +61,8 @@ class Session {
   bool complete() const;
 
   const Settings &settings_;
+  Parameters parameters_;
+  SlipVic_ControllerConfig config_;
   Terms terms_;
   size_t n_;
   std::vector<double> state_, exchange_, before_;
@@ -64,4 +73,5 @@ class Session {
   bool waits_ = false, commands_ = false;
   int64_t waiting_ns_ = 0, answered_ns_ = 0, reason_ = 0, request_ = SLIP_VIC_REQUEST_NONE;
   std::vector<int64_t> manifest_, wrench_counts_, slip_counts_;
+  std::vector<std::optional<std::pair<int64_t, SlipVic_Pose>>> displacements_; /* the last of each contact */
 };

@@ -3,10 +3,6 @@
 #include <fstream>
 #include <iterator>
 
-#include <rcl_yaml_param_parser/parser.h>
-#include <rcutils/allocator.h>
-#include <rcutils/error_handling.h>
-
 #include "errors.hpp"
 
 namespace {
@@ -28,57 +24,6 @@ std::vector<Item> read_records(const std::string &path) {
   return items;
 }
 
-/* The parameters of the only node in a parameter file. */
-class Parameters {
- public:
-  explicit Parameters(const std::string &path) : path_(path), all_(rcl_yaml_node_struct_init(rcutils_get_default_allocator())) {
-    const bool read = all_ != nullptr && rcl_parse_yaml_file(path.c_str(), all_);
-    const std::string why = read ? "" : rcutils_get_error_string().str;
-    rcutils_reset_error();
-    if (!read || all_->num_nodes != 1) throw InputError(path, read ? "other nodes" : why, "the controller's parameters");
-  }
-  ~Parameters() { rcl_yaml_node_struct_fini(all_); }
-  Parameters(const Parameters &) = delete;
-  Parameters &operator=(const Parameters &) = delete;
-
-  std::string text(const char *name) const {
-    const rcl_variant_t *found = find(name);
-    return found != nullptr && found->string_value != nullptr ? found->string_value : refuse(name, "a text");
-  }
-  bool flag(const char *name) const { return *found(find(name)->bool_value, name, "true or false"); }
-  long whole(const char *name) const { return *found(find(name)->integer_value, name, "a whole number"); }
-  double number(const char *name) const { return *found(find(name)->double_value, name, "a number"); }
-  std::vector<double> numbers(const char *name) const { /* none where it is left out */
-    const rcl_variant_t *given = find(name);
-    const rcl_double_array_t *list = given == nullptr ? nullptr : given->double_array_value;
-    return list == nullptr ? std::vector<double>() : std::vector<double>(list->values, list->values + list->size);
-  }
-  std::vector<std::string> texts(const char *name) const {
-    const rcutils_string_array_t *list = found(find(name)->string_array_value, name, "a list of names");
-    return {list->data, list->data + list->size};
-  }
-
- private:
-  const rcl_variant_t *find(const std::string &name) const {
-    static const rcl_variant_t none{};
-    const rcl_node_params_t &node = all_->params[0];
-    for (size_t k = 0; k < node.num_params; ++k)
-      if (name == node.parameter_names[k]) return &node.parameter_values[k];
-    return &none;
-  }
-  template <class Value>
-  const Value *found(const Value *value, const char *name, const char *expected) const {
-    if (value == nullptr) refuse(name, expected);
-    return value;
-  }
-  std::string refuse(const char *name, const char *expected) const {
-    throw InputError(path_ + ": parameter " + name, "none, or another kind", expected, "export again");
-  }
-
-  std::string path_;
-  rcl_params_t *all_;
-};
-
 }  // namespace
 
 size_t Settings::rows() const {
@@ -98,15 +43,16 @@ Settings read_settings(const std::string &folder) {
   if (size < fixed || (size - fixed) % sizeof(SlipVic_Row) != 0)
     throw InputError(folder + "/state.bin", std::to_string(size) + " bytes", "the state of one arm", "export again");
 
-  const Parameters given(folder + "/controller.yaml");
+  s.parameters = Parameters(folder + "/controller.yaml");
+  const Parameters &given = s.parameters;
   s.joint_names = given.texts("joint_names");
   const size_t n = s.joint_names.size();
   if (static_cast<int64_t>(n) != s.config[0].law.joints)
     throw InputError(folder + "/controller.yaml: joint_names", std::to_string(n) + " joints",
                      std::to_string(s.config[0].law.joints), "export again");
-  s.armature = given.numbers("drive.armature");
+  s.armature = std::get<std::vector<double>>(given.value("drive.armature"));
   if (s.armature.size() != n) s.armature.assign(n, s.armature.empty() ? 0.0 : s.armature[0]);
-  const std::vector<double> gravity = given.numbers("gravity");
+  const std::vector<double> &gravity = given.numbers("gravity");
   if (gravity.size() != 3) throw InputError(folder + "/controller.yaml: gravity", "no vector", "three numbers");
   std::copy(gravity.begin(), gravity.end(), s.gravity.begin());
   s.ee_frame = given.text("ee_frame");

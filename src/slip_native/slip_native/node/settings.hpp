@@ -5,9 +5,11 @@
 #include <string>
 #include <vector>
 
+#include "parameters.hpp"
 #include "slip_vic.h"
 
 struct Settings {
+  Parameters parameters;
   std::vector<std::string> joint_names;
   std::vector<double> armature; /* kg m2, of each joint */
   std::array<double, 3> gravity{};

@@ -19,7 +19,7 @@ from slip_core.errors import InputError
 from slip_core.files.resources import MAX_BYTES
 from slip_core.params import build, flatten
 from slip_core.stamps import NS_PER_S
-from slip_core.topics import contact_topic
+from slip_core.topics import EVENTS, contact_topic
 from slip_core.types import CartesianReference, DisplacementSample, JointSample, PoseGoal, SlipSample, WrenchSample
 from slip_msgs_py.messages.from_msgs import (
     cartesian_reference,
@@ -44,7 +44,6 @@ GIVEN: Final = "controller/reference_used"
 PARAMETERS: Final = "controller.params.yaml"
 URDF: Final = "arm.urdf"
 Sample = TypeVar("Sample", JointSample, WrenchSample, SlipSample, DisplacementSample)
-EVENTS: Final = "/parameter_events"
 NODE: Final = "slip_vic_controller"
 
 
@@ -76,13 +75,13 @@ class LedgerEntry:
 class RecordedRun:
     """Everything that a replay of one arm needs, and what it must reproduce.
 
-    changes: all parameters as they were from the ledger entry with this index on. joints, wrenches, slips: by stamp
-    [ns], the last two per contact. commands: per ledger entry, (n,) or (0,).
+    changes: all parameters after each change between the ledger entry with this index and the one before.
+    joints, wrenches, slips: by stamp [ns], the last two per contact. commands: per ledger entry, (n,) or (0,).
     given: references or goals in their order.
     """
 
     params: ControllerParams
-    changes: Mapping[int, ControllerParams]
+    changes: Mapping[int, list[ControllerParams]]
     urdf: str
     ledger: tuple[LedgerEntry, ...]
     joints: dict[int, JointSample]
@@ -165,21 +164,22 @@ def _parameters(bag: Bag) -> dict[str, ControllerParams]:
 
 def _changes(
     bag: Bag, node: str, own: str, params: ControllerParams, ledger: NDArray[np.int64]
-) -> dict[int, ControllerParams]:
+) -> dict[int, list[ControllerParams]]:
     """Read what was set at run time; node and ledger share a thread and a clock, so their order is exact.
 
     ledger: when its entries were published [ns].
     """
-    changes: dict[int, ControllerParams] = {}
+    changes: dict[int, list[ControllerParams]] = {}
     for message in bag.messages(own_topic(bag, EVENTS)) if EVENTS in bag.topics else ():
         event = message.value
         if event.node != node or not event.changed_parameters:
             continue
         given = {item.name: _parameter_value(item.value) for item in event.changed_parameters}
         changed = {name.removeprefix(own): v for name, v in given.items() if name.startswith(own)}
-        known = flatten(params)
+        known, before = flatten(params), params
         params = build(ControllerParams, known | {k: v for k, v in changed.items() if k in known}, EVENTS)
-        changes[int(np.searchsorted(ledger, message.publish_time_ns))] = params
+        if params != before:  # else no ramp begins
+            changes.setdefault(int(np.searchsorted(ledger, message.publish_time_ns)), []).append(params)
     return changes
 
 

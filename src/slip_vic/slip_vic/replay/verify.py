@@ -128,9 +128,9 @@ class _Arm:
     def begin(self) -> LedgerEntry:
         """Take parameters, references and goals that had come since the cycle before; return the entry of this one."""
         entry = self.run.ledger[self.at]
-        if self.at in self.run.changes:
+        for changed in self.run.changes.get(self.at, ()):
             params = [arm.tuned for arm in self._session.arms]
-            params[self._arm.index] = self.run.changes[self.at]
+            params[self._arm.index] = changed
             self._session.retune(params)
         self.at += 1
         taken = int(self._session.task.taken)

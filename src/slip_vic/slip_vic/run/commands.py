@@ -8,7 +8,7 @@ from pathlib import Path
 from slip_core.arms import prefix_of
 from slip_core.errors import InputError
 from slip_core.params import ParameterModel
-from slip_core.topics import TOPICS
+from slip_core.topics import EVENTS, TOPICS
 from slip_vic.run.processes import python_module
 from slip_vic.run.versions import git_revision, versions
 from slip_vic.scenarios.scenario import NODES, Scenario, ros_parameter_file
@@ -19,7 +19,7 @@ def recorded_topics(scenario: Scenario) -> list[str]:
     """Return the topics that processes of this scenario may publish; those without a publisher stay out of a bag."""
     rows = [row for row in TOPICS.values() if row.publisher != "user" and (scenario.several or not row.several)]
     names = (row.name if row.common else prefix_of(arm) + row.name for row in rows for arm in scenario.controllers)
-    return list(dict.fromkeys(names))
+    return [*dict.fromkeys(names), EVENTS]
 
 
 def recorder_command(scenario: Scenario, bag: Path, folder: Path, namespace: str) -> list[str]:

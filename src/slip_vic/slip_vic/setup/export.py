@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sysconfig
+from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,13 +12,13 @@ import click
 import numpy as np
 
 from slip_core.arrays import Array
-from slip_core.errors import InputError
 from slip_core.types import SlipSample
 from slip_vic.options import Choice, choosing, out_option
 
 if TYPE_CHECKING:
     from slip_vic.run.in_process import ClosedLoop, Tick
     from slip_vic.scenarios.scenario import Scenario
+    from slip_vic_controller.interfaces import SlipFromDisplacement
 
 
 @click.command()
@@ -36,9 +37,6 @@ def export(*, choice: Choice, cpu: str, out: Path) -> None:
     from slip_vic.scenarios.scenario import load
 
     loaded = load(**choice)
-    if any(params.slip_input == "displacement" for params in loaded.controllers.values()):
-        expected = "velocity or flag: the library takes slip velocities"
-        raise InputError("slip_input", got="displacement", expected=expected)
     write_files(out, {})  # here, not after the minute
     click.echo("compiling the cycle for C, about a minute", err=True)
     library.build(out, cpu)
@@ -81,35 +79,39 @@ def write_run(scenario: Scenario, folder: Path) -> None:
     state. A tick: whether CONFIG follows, samples, a joint state of each arm, INPUTS of all arms and OUTPUTS of all.
     """
     from slip_vic.run.in_process import ClosedLoop, run_in_process
+    from slip_vic_controller.interfaces import SlipFromDisplacement
 
     loop = ClosedLoop(scenario)
+    slips_of = [SlipFromDisplacement() for _ in loop.session.arms]
     config, first, given, ticks = loop.session.config, loop.session.buffer.copy(), None, []
     for tick in run_in_process(scenario, loop):
         changed = [] if config is given else [config]
-        ticks.append(np.concatenate([_whole(len(changed)), *changed, *_tick(loop, tick)]))
+        ticks.append(np.concatenate([_whole(len(changed)), *changed, *_tick(loop, tick, slips_of)]))
         given, config = config, loop.session.config  # a tare has changed it for the next tick
     head = _whole(len(loop.session.arms), loop.session.controller.rows, len(ticks), len(first))
     np.concatenate([head, first, *ticks, loop.session.buffer]).tofile(folder / "run.bin")
 
 
-def _tick(loop: ClosedLoop, tick: Tick) -> list[Array]:
+def _tick(loop: ClosedLoop, tick: Tick, slips_of: Sequence[SlipFromDisplacement]) -> list[Array]:
     """Return what arrived before a cycle, and what it was given and gave."""
     samples, joints = [], []
-    for arm, sent in zip(loop.session.arms, tick.outputs.arms, strict=True):
+    for arm, sent, slip_of in zip(loop.session.arms, tick.outputs.arms, slips_of, strict=True):
+        slips = [(one.stamp_ns, one if isinstance(one, SlipSample) else slip_of(one)) for one in sent.slips]
         for of, contact in arm.routes[0]:
             for wrench in sent.wrenches if of.controller.params.wrench.source == "sensor" else ():
-                samples.append(_sample(0, of.index, contact, wrench.stamp_ns, True, wrench.wrench))
-            for slip in sent.slips:
-                assert isinstance(slip, SlipSample)  # `export` refuses displacements
-                samples.append(_sample(1, of.index, contact, slip.stamp_ns, slip.valid, slip.twist))
+                stamp_ns = wrench.stamp_ns
+                samples.append(_sample(0, of.index, contact, stamp_ns, stamp_ns, True, wrench.wrench))
+            for arrival_ns, slip in slips:
+                if slip is not None:
+                    samples.append(_sample(1, of.index, contact, slip.stamp_ns, arrival_ns, slip.valid, slip.twist))
         joint = sent.joint
         joints += [_whole(len(joint.position), joint.stamp_ns), joint.position, joint.velocity, joint.effort]
     exchange = [*(result.inputs for result in tick.results), *(result.outputs for result in tick.results)]
     return [_whole(len(samples)), *samples, *joints, *exchange]
 
 
-def _sample(kind: int, arm: int, contact: int, stamp_ns: int, valid: bool, six: Array) -> Array:
-    return np.concatenate([_whole(kind, arm, contact, stamp_ns, valid), six])
+def _sample(kind: int, arm: int, contact: int, stamp_ns: int, arrival_ns: int, valid: bool, six: Array) -> Array:
+    return np.concatenate([_whole(kind, arm, contact, stamp_ns, arrival_ns, valid), six])
 
 
 def _whole(*values: int) -> Array:

@@ -30,7 +30,7 @@ from slip_vic_controller.interfaces import fill_wrench_sensor
 from slip_vic_controller.law.bounds import DRIVE_SHARE
 from slip_vic_controller.law.config import LAW_CONFIG, make_law_config
 from slip_vic_controller.law.contact import fill_contacts
-from slip_vic_controller.law.gains import LAW_GAINS, RAMP, UNKNOWN_LAG, gain_report, judge_inertia, make_ramp
+from slip_vic_controller.law.gains import LAW_GAINS, UNKNOWN_LAG, gain_report, impedance_delay_s, judge_inertia
 from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.path.paths import PATH, make_path
 from slip_vic_controller.robot import Robot
@@ -136,7 +136,8 @@ class Controller:
             for slip in row.law.slips:
                 slip.rotation[:] = np.eye(3)
             row.tare.begun_ns = row.tare.wrench_ns = NEVER
-            row.observed.path_speed, row.tuned = 1.0, make_ramp(arm.gains, arm.gains, 0, 0.0).view(RAMP)[0]
+            row.observed.path_speed = 1.0
+            row.tuned.start = row.tuned.target = record(arm.gains, LAW_GAINS)
             row.grip.command = row.grip.actual = max(arm.params.grip.nominal_force, arm.params.grip.least_force)
         return state
 
@@ -149,7 +150,9 @@ def _make_config(params: ControllerParams, robot: Robot, *, lockstep: bool, arms
     if params.trajectory.of == "object":
         o_R_p = matrix_from_quat_xyzw(params.contacts.orientation_xyzw[:4])
         config.path.carries, config.path.lever[:] = 1, product(o_R_p.T, np.array(params.contacts.position[:3]))
-    config.gains = record(gain_report(params).gains, LAW_GAINS)
+    report = gain_report(params)
+    config.gains, config.k_s_limit = record(report.gains, LAW_GAINS), report.accepted
+    config.impedance_delay_s = impedance_delay_s(params)
     config.hold.carriers = max(arms, params.contacts.count)
     for part in (config.command, config.hold, config.tare):
         part.joints = len(robot.joint_names)

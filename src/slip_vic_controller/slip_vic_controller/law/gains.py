@@ -15,9 +15,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from slip_core.arrays import Array, inertia_from_six, vector
-from slip_core.compiled import IN1, INT, OUT1, VOID, kernel, part
+from slip_core.compiled import part
 from slip_core.records import Mat3, Real, Record, Vec3, Vec6, Whole, dtype_of, new, record
-from slip_core.stamps import seconds_to_ns
 from slip_vic_controller.law.bounds import Condition, GainReport, check, judge_gains, judge_stiffness, slip_gain_limit
 from slip_vic_controller.params.controller_params import ControllerParams
 
@@ -141,11 +140,16 @@ def gain_report(params: ControllerParams, *, refuse: bool = True) -> GainReport:
     made = make_law_gains(params, used)
     propositions = judge_gains(np.array(params.gains.damping), used)
     gains: Gains = record(made, LAW_GAINS).gains
-    late_s = max(UNKNOWN_LAG * params.known_lag_s, LEAST_DELAY_S) if params.estimates_joints else 0.0
-    stiff = judge_stiffness(gains.K_D, gains.D_D, gains.M_D, params.control_period_s + late_s)
+    stiff = judge_stiffness(gains.K_D, gains.D_D, gains.M_D, impedance_delay_s(params))
     if refuse:
         check(stiff if params.controller == "classical" else (*propositions, *stiff))  # it has no slip loop
     return GainReport(params.gains.k_s, used, accepted, (*propositions, *stiff), made)
+
+
+def impedance_delay_s(params: ControllerParams) -> float:
+    """Return the delay [s] for which a stiffness is judged: a period, and what the prediction of the joints leaves."""
+    late_s = max(UNKNOWN_LAG * params.known_lag_s, LEAST_DELAY_S) if params.estimates_joints else 0.0
+    return params.control_period_s + late_s
 
 
 def judge_inertia(params: ControllerParams, joint_names: Sequence[str], inertia: Array) -> Condition:
@@ -164,26 +168,23 @@ def judge_inertia(params: ControllerParams, joint_names: Sequence[str], inertia:
     return Condition(name, most / max(float(inertia[light]), 1e-12), most / least, reason, "drive.armature")
 
 
-def make_ramp(start: Array, target: Array, begin_ns: int, least_s: float) -> Array:
-    """Return the RAMP between two LAW_GAINS, as long as stability requires, and never shorter than `least_s` [s]."""
-    buffer = new(RAMP)
-    ramp: Ramp = record(buffer, RAMP)
-    ramp.start, ramp.target = record(start, LAW_GAINS), record(target, LAW_GAINS)
-    ramp.begin_ns = begin_ns
-    ramp.duration_ns = seconds_to_ns(max(least_s, ramp_time(start, target)))
-    return buffer
+@part
+def fill_ramp(ramp: Ramp, start: LawGains, target: LawGains, begin_ns: int, least_ns: int) -> None:
+    """Make the ramp between two sets of gains, as long as stability requires, and never shorter than `least_ns`."""
+    ramp.start, ramp.target, ramp.begin_ns = start, target, begin_ns
+    ramp.duration_ns = max(least_ns, round(1e9 * ramp_time(ramp)))
 
 
-def ramp_time(start: Array, target: Array) -> float:
-    """Return the shortest time [s] in which one LAW_GAINS may change into another under the module's argument."""
-    a: Gains = record(start, LAW_GAINS).gains
-    b: Gains = record(target, LAW_GAINS).gains
-    k = np.stack((a.K_D / a.M_D, b.K_D / b.M_D))
-    d = np.stack((a.D_D / a.M_D, b.D_D / b.M_D))
-    rise_k = np.maximum(np.log(k[1] / k[0]), 0.0)
-    rise_d = np.maximum(np.log(d[1] / d[0]), 0.0)
-    half = 0.5 * d.min(axis=0)
-    return float(np.max(np.maximum(rise_k / half, rise_d * d.max(axis=0) / k.min(axis=0))))
+@part
+def ramp_time(ramp: Ramp) -> float:
+    """Return the shortest time [s] in which the start may change into the target under the module's argument."""
+    a, b, longest = ramp.start.gains, ramp.target.gains, 0.0
+    for j in range(6):
+        k_a, k_b = a.K_D[j] / a.M_D[j], b.K_D[j] / b.M_D[j]
+        d_a, d_b = a.D_D[j] / a.M_D[j], b.D_D[j] / b.M_D[j]
+        stiffer, damped = max(math.log(k_b / k_a), 0.0), max(math.log(d_b / d_a), 0.0)
+        longest = max(longest, stiffer / (0.5 * min(d_a, d_b)), damped * max(d_a, d_b) / min(k_a, k_b))
+    return longest
 
 
 @part
@@ -228,9 +229,3 @@ def _geometric(a: float, b: float, share: float) -> float:
 @part
 def _linear(a: float, b: float, share: float) -> float:
     return a + share * (b - a)
-
-
-@kernel(VOID(IN1, INT, OUT1))
-def sample_gains(ramp: Array, stamp_ns: int, out: Array) -> None:
-    """Write the gains in effect at a time to a LAW_GAINS; ramp: RAMP."""
-    gains_at(record(ramp, RAMP), stamp_ns, record(out, LAW_GAINS))

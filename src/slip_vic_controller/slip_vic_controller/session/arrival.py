@@ -1,11 +1,12 @@
-"""What happens when a sample arrives: input validation, and the newest good sample is kept for the next cycle."""
+"""What happens when a sample arrives, which is validated and kept for the next cycle, and when gains do."""
 
 from __future__ import annotations
 
 from slip_core.arrays import Array
-from slip_core.compiled import BOOL, IN1, INT, OUT1, kernel
+from slip_core.compiled import BOOL, IN1, INT, OUT1, VOID, kernel
 from slip_core.records import record
 from slip_vic_controller.arm.estimator import replace_sample, use_estimate
+from slip_vic_controller.law.gains import LAW_GAINS, fill_ramp, gains_at
 from slip_vic_controller.safety.conditions import Reason
 from slip_vic_controller.safety.validation import (
     await_answer,
@@ -120,3 +121,19 @@ def begin_answer(
         return False
     take_replaced(s.joint, s.joint.answers.stamp_ns, s.estimate.q, s.estimate.v, now_ns)
     return True
+
+
+@kernel(VOID(OUT1, IN1, INT))
+def ramp_to(state: Array, target: Array, least_ns: int) -> None:
+    """Let gains and payload ramp to others from the next cycle on.
+
+    Args:
+        state: ARM_STATE; changed.
+        target: LAW_GAINS.
+        least_ns: shortest ramp; stability may require a longer one.
+    """
+    s, wanted = record(state, ARM_STATE), record(target, LAW_GAINS)
+    if s.law.known != 0:
+        gains_at(s.law.ramp, s.law.stamp_ns, s.tuned.target)
+        fill_ramp(s.law.ramp, s.tuned.target, wanted, s.law.stamp_ns, least_ns)
+    fill_ramp(s.tuned, s.tuned.start, wanted, 0, least_ns)

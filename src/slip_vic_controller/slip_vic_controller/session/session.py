@@ -16,8 +16,8 @@ import numpy as np
 from slip_core.arrays import Array, matrix_from_quat_xyzw, product, readonly
 from slip_core.errors import InputError
 from slip_core.params import flatten
-from slip_core.records import new, place, record, records
-from slip_core.stamps import NS_PER_S
+from slip_core.records import place, record, records
+from slip_core.stamps import NS_PER_S, seconds_to_ns
 from slip_core.types import CartesianReference, DisplacementSample, JointSample, PoseGoal, SlipSample, WrenchSample
 from slip_vic_controller.arm.estimator import JointRecord
 from slip_vic_controller.config.controller import Controller, governed_stream, renew_config, use_noise
@@ -25,13 +25,14 @@ from slip_vic_controller.config.joints import with_measured_noise
 from slip_vic_controller.contact.observer import ROW_SIZE
 from slip_vic_controller.cycle.cycle import cycle
 from slip_vic_controller.interfaces import SlipFromDisplacement
-from slip_vic_controller.law.gains import LAW_GAINS, RAMP, gain_report, make_ramp, sample_gains
+from slip_vic_controller.law.gains import gain_report
 from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.safety.conditions import SAMPLE_FAULTS, Missing, Mode, Reason, Request, describe
 from slip_vic_controller.safety.validation import JointInput, VectorInput, unanswered
 from slip_vic_controller.session.arrival import (
     begin_answer,
     is_silent,
+    ramp_to,
     receive_joint_state,
     receive_slip,
     receive_wrench,
@@ -92,7 +93,6 @@ _MODES = tuple(Mode)
 _UNANSWERED = tuple(unanswered(fault) for fault in range(SAMPLE_FAULTS))
 _ARM = place(INPUTS, "arm")
 _COMMANDED = [place(ARM_STATE, name) for name in ("mode", "sent.effort", "sent.velocity")]
-_RAMP = place(ARM_STATE, "law.ramp")
 _ANSWERS = [place(ARM_STATE, f"joint.answers.{name}").start for name in ("position", "velocity")]
 _CYCLES, _LAW_KNOWN = place(ARM_STATE, "cycles").start, place(ARM_STATE, "law.known").start
 _TARED, _ROUGHLY = place(ARM_STATE, "tare.done").start, place(ARM_STATE, "tare.rough").start
@@ -247,17 +247,12 @@ class ArmSession:
 
     def ramp_to(self, params: ControllerParams, target: Array) -> None:
         """Let gains and payload ramp to those of `params`, whose LAW_GAINS is `target`."""
-        law = self.state.law
         moved = np.subtract(params.contacts.position[:3], self.tuned.contacts.position[:3])
         # The object seems to move as its contact is shifted, and the law follows it.
         least_s = max(params.gains.ramp_s, float(np.linalg.norm(moved)) / params.safety.limits.speed_linear)
         if params.object != self.tuned.object:
             self.state.tare.mass_share = 0.0  # what a user gives counts
-        self.state.tuned = make_ramp(self.controller.gains, target, 0, least_s).view(RAMP)[0]
-        if law.known:
-            start = new(LAW_GAINS)
-            sample_gains(self.row[_RAMP], int(law.stamp_ns), start)
-            law.ramp = make_ramp(start, target, int(law.stamp_ns), least_s).view(RAMP)[0]
+        ramp_to(self.row, target, seconds_to_ns(least_s))
         self._tuned = params
         self._session.configure(self.index, lambda config: renew_config(config, params))
 
