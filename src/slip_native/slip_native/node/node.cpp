@@ -104,6 +104,7 @@ void ControllerNode::subscribe_contacts() {
     else if (settings_.slip_input == "displacement")
       subscribe<geometry_msgs__msg__PoseStamped>(
           of_contact("slip_displacement", contact), KEPT, [=](const geometry_msgs__msg__PoseStamped &message) {
+            check_frame(message.header, pad);
             SlipVic_Pose pose;
             const bool valid = read_displacement(message, &pose);
             session_.add_displacement(contact, stamp_of(message.header.stamp), valid ? &pose : nullptr, now_ns());
