@@ -123,12 +123,13 @@ def test_an_arm_with_five_joints_goes_where_it_can() -> None:
 
 
 def test_servos_at_50_hz_carry_with_five_joints(tmp_path: Path) -> None:
-    """Governed: no slip, at the goal, though nothing is known of efforts."""
+    """Governed: no slip, at the goal, though nothing is known of efforts; steps of the encoders are no slip."""
     arm = Arm(URDF.replace('effort="150"', 'effort="0"'), locked={"joint_5": 0.0}, by_effort=False)
     content = arm.task("paper_planar", 0.5)[0]
     write_arm(arm, {"paper_planar": content}, tmp_path, Path("odd.urdf"), "position_50")
     run = load(str(tmp_path / "paper_planar.yaml"), law="governed", drive="position_50").run()
     assert run.outcome == "ok", run.reason
+    assert not any("the wrench shows" in text for _, text in run.modes[""])
     assert run.worst("slip_linear_m") < REACHED
     assert run.worst("final_error_m") < 2e-3  # a step of the encoders at the arm's length
 

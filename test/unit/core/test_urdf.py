@@ -59,7 +59,6 @@ def test_what_was_made_usable_stays_as_it_is() -> None:
 BAD = {
     "no limit": (with_joint(URDF, "joint_2", "<limit[^>]*>", ""), ["joint joint_2", "<limit"]),
     "velocity 0": (with_joint(URDF, "joint_3", 'velocity="3"', 'velocity="0"'), ["joint_3", "velocity"]),
-    "no effort": (with_joint(URDF, "joint_3", 'effort="150"', ""), ["joint_3", "effort"]),
     "no range": (with_joint(URDF, "joint_4", 'lower="-2.9" upper="2.9"', 'lower="0" upper="0"'), ["joint_4", "0..0"]),
     "not a number": (with_joint(URDF, "joint_4", 'lower="-2.9"', 'lower="low"'), ["joint_4", "low"]),
     "floating": (with_joint(URDF, "joint_1", 'type="revolute"', 'type="floating"'), ["joint_1", "floating"]),
