@@ -11,7 +11,7 @@ import pytest
 
 from test.support.no_processes import forbidden
 
-KERNELS: Final = ("slip_vic_controller.session.session", "test.unit.law.digests", "test.referees.governor_bench")
+KERNELS: Final = ("slip_vic_controller.session.session", "test.referees.governor_bench")
 
 
 def pytest_sessionstart() -> None:
@@ -19,8 +19,7 @@ def pytest_sessionstart() -> None:
     worker = os.environ.get("PYTEST_XDIST_WORKER")
     if worker is not None:
         for name in KERNELS if worker[-1] in "02468" else reversed(KERNELS):
-            module = importlib.import_module(name)
-            getattr(module, "digests", list)()
+            importlib.import_module(name)
 
 
 @pytest.fixture(autouse=True)

