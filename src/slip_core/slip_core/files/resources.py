@@ -52,7 +52,7 @@ def open_file(path: Path, what: str) -> IO[bytes]:
 
 def _unreadable(what: str, uri: str, error: Exception) -> InputError:
     """Return the error of a file that cannot be read; what: may name it already."""
-    why = getattr(error, "strerror", None) or ("no text" if isinstance(error, UnicodeError) else str(error))
+    why = getattr(error, "strerror", None) or ("binary data" if isinstance(error, UnicodeError) else str(error))
     return InputError(what, got=why if uri in what else f"{uri}: {why}", expected="a readable file")
 
 

@@ -35,9 +35,7 @@ PLACED = "placed_base"
 
 
 def parse_urdf(text: str, what: str = "robot_description") -> Element:
-    """Return the <robot> element of a URDF text: the one door to every reader of it, and to every library.
-
-    what: names it in errors.
+    """Return the <robot> element of a URDF text, `what` in errors: the one door to each reader of it, and each library.
 
     Raises:
         InputError: not XML, another format, entities or a document type, too large or too deep, no tree of links,
