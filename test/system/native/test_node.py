@@ -42,7 +42,15 @@ from test.campaigns.faults.campaign import judge
 from test.support.one_arm import OneArm, one_arm
 from test.support.ros import Processes, node_in
 from test.system.native.conftest import SHORT, call
-from test.system.nodes.test_modes import BRIDGE_ENDLESS, CONTROLLER_SLOW, Start, Watcher, start, watcher  # noqa: F401
+from test.system.nodes.test_modes import (  # noqa: F401
+    BRIDGE_ENDLESS,
+    CONTROLLER_SLOW,
+    Start,
+    Watcher,
+    follow_transitions,
+    start,
+    watcher,
+)
 
 pytestmark = [
     pytest.mark.skipif(shutil.which("cmake") is None, reason="no cmake"),
@@ -204,12 +212,23 @@ def test_parameters_change_in_a_real_time_run_which_verifies(built: Path, tmp_pa
 # -- services, end -----------------------------------------------------------------------------------
 
 
+def started(processes: Processes, built: Path, folder: Path, *assignments: str) -> Any:
+    """Return the node, in real time."""
+    scenario = load("paper_planar", law="vic", mode="realtime", set=(SHORT, *CONTROLLER_SLOW, *assignments))
+    return processes.start("native", [built / "build" / "slip_vic_node", with_numbers(built, scenario, folder)])
+
+
+def test_transitions_lead_to_its_end(
+    watcher: Watcher, start: Start, processes: Processes, built: Path, tmp_path: Path
+) -> None:
+    native = started(processes, built, tmp_path / "export", "controller.auto_activate=false")
+    follow_transitions(watcher, start, native)
+
+
 def test_services_and_silence_change_the_mode(
     watcher: Watcher, start: Start, processes: Processes, built: Path, tmp_path: Path
 ) -> None:
-    scenario = load("paper_planar", law="vic", mode="realtime", set=(SHORT, *CONTROLLER_SLOW))
-    folder = with_numbers(built, scenario, tmp_path / "export")
-    native = processes.start("native", [folder / "build" / "slip_vic_node", folder])
+    native = started(processes, built, tmp_path / "export")
     bridge = start("bridge", *BRIDGE_ENDLESS)
     watcher.wait_law()
     assert watcher.trigger("tare").message == "the law is active: call ~/hold first"
@@ -233,9 +252,7 @@ def test_reference_and_goal_are_followed(
     from std_msgs.msg import String
     from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
 
-    assignments = (SHORT, *CONTROLLER_SLOW, f"controller.trajectory.kind={kind}")
-    folder = with_numbers(built, load("paper_planar", law="vic", mode="realtime", set=assignments), tmp_path / "of")
-    native = processes.start("native", [folder / "build" / "slip_vic_node", folder])
+    native = started(processes, built, tmp_path / "export", f"controller.trajectory.kind={kind}")
     poses: list[Any] = []
     said: list[str] = []
     watcher.node.create_subscription(PoseStamped, "controller/ee_pose", poses.append, 10)

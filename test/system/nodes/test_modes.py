@@ -12,7 +12,7 @@ import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from slip_vic.scenarios.scenario import NODES, load, ros_parameter_file
-from test.support.ros import Processes, call_service, wait_until
+from test.support.ros import DEADLINE_S, Processes, call_service, wait_until
 
 ATTEMPTS, PATIENCE_S = 3, 8.0
 BRIDGE, CONTROLLER = "slip_sim_bridge.main", "slip_vic_controller.main"
@@ -140,10 +140,14 @@ CONTROLLER_SLOW = ("controller.control_period_s=0.004", "controller.gains.k_s=50
 BRIDGE_ENDLESS = ("bridge.duration_s=1e6", "bridge.control_period_s=0.004")
 
 
-def test_managed_node_waits_for_transitions(watcher: Watcher, start, processes: Processes) -> None:
+def test_managed_node_waits_for_transitions(watcher: Watcher, start: Start) -> None:
+    follow_transitions(watcher, start, start("controller", "controller.auto_activate=false", *CONTROLLER_SLOW))
+
+
+def follow_transitions(watcher: Watcher, start: Start, controller: Any) -> None:
+    """Lead a controller that waits for transitions through all of them to its end."""
     from lifecycle_msgs.msg import Transition
 
-    controller = start("controller", "controller.auto_activate=false", *CONTROLLER_SLOW)
     assert watcher.change(Transition.TRANSITION_CONFIGURE)
     start("bridge", *BRIDGE_ENDLESS, "bridge.expected_subscribers=0")
     watcher.wait_mode("WAITING_INPUT", "activation")
@@ -161,7 +165,8 @@ def test_managed_node_waits_for_transitions(watcher: Watcher, start, processes: 
     assert watcher.change(Transition.TRANSITION_ACTIVATE)
     watcher.spin(lambda: len(watcher.commands[-1].effort) == 7, "efforts again")
     assert watcher.change(Transition.TRANSITION_ACTIVE_SHUTDOWN)
-    assert processes.wait_end(controller) == 0, controller.tail()
+    assert controller.has_ended(DEADLINE_S)
+    assert controller.poll() == 0, controller.tail()
 
 
 class System(NamedTuple):

@@ -10,12 +10,13 @@
 #include <sys/prctl.h>
 
 #include "errors.hpp"
-#include "node.hpp"
+#include "lifecycle.hpp"
 
 static const char *const HELP =
     "usage: slip_vic_node FOLDER [--ros-args [-r FROM:=TO]... [-p expected_subscribers:=N]]\n\n"
     "The controller of one arm, without Python: the topics and services of slip_vic_controller_node.\n"
-    "FOLDER is made by `slip-vic export`, with all parameters; a change of them is another export.\n";
+    "FOLDER is made by `slip-vic export`, with all parameters; gains and payload change while it runs, others by\n"
+    "another export.\n";
 static const int64_t DELIVERY_NS = 2'000'000'000, HASTE_NS = 100'000'000;
 
 /* The wheels' rcl is linked with its Python bindings, which nothing calls here; elsewhere these two have no meaning. */
@@ -89,11 +90,13 @@ static int run(int count, char **words) {
   if (rcl_arguments_get_count_unparsed_ros(&ros.context.global_arguments) > 0)
     throw InputError("--ros-args", "an argument that ROS has not", "-r FROM:=TO, -p expected_subscribers:=N");
   take_overrides(ros.context.global_arguments, &settings);
-  ControllerNode node(ros, settings);
+  Lifecycle managed(ros, settings);
   prctl(PR_SET_TIMERSLACK, 1, 0, 0, 0);
-  node.run(stop);
-  node.close(has_parent() && signal_number == SIGINT ? DELIVERY_NS : HASTE_NS);
-  emit("done", ", \"cycles\": " + std::to_string(node.cycles()) + ", \"missed\": " + std::to_string(node.missed()));
+  managed.run(stop);
+  ControllerNode *node = managed.node();
+  if (node == nullptr) return 0;
+  node->close(has_parent() && signal_number == SIGINT ? DELIVERY_NS : HASTE_NS);
+  emit("done", ", \"cycles\": " + std::to_string(node->cycles()) + ", \"missed\": " + std::to_string(node->missed()));
   return 0;
 }
 

@@ -71,8 +71,6 @@ ControllerNode::ControllerNode(ros::Node &ros, const Settings &settings)
       response.success = success;
       ros::set(response.message, text);
     }));
-  ros::check(rcl_wait_set_init(&set_, inputs_.size(), 0, 0, 0, services_.size(), 0, &ros.context, rcl_get_default_allocator()),
-             "wait set");
   log_info(std::string("configured in ") + (settings.lockstep ? "lockstep" : "realtime"));
   if (session_.config().models_wrench) log_warning("no wrench sensor (wrench.source: none): the load is modelled");
 }
@@ -155,6 +153,7 @@ void ControllerNode::subscribe_task() {
 
 std::pair<bool, std::string> ControllerNode::answer(int64_t request) {
   const int64_t mode = session_.arm().mode.mode;
+  if (!session_.active()) return {false, "not active"};
   if (mode == SLIP_VIC_MODE_FAULT && request != SLIP_VIC_REQUEST_RESET_FAULT)
     return {false, "in FAULT: " + reports_.reason() + "; to continue call ~/reset_fault, then ~/enable"};
   if (request == SLIP_VIC_REQUEST_TARE && (mode == SLIP_VIC_MODE_ACTIVE || mode == SLIP_VIC_MODE_DEGRADED))
@@ -245,45 +244,47 @@ void ControllerNode::announce_when_ready() {
   log_info("matched: every input has a publisher, and the command has a subscriber");
 }
 
-void ControllerNode::wait(int64_t timeout_ns) {
-  ros::check(rcl_wait_set_clear(&set_), "wait set");
-  for (const auto &input : inputs_) ros::check(rcl_wait_set_add_subscription(&set_, &input->subscription, nullptr), "wait set");
-  for (const auto &service : services_) ros::check(rcl_wait_set_add_service(&set_, &service->service, nullptr), "wait set");
-  const rcl_ret_t code = rcl_wait(&set_, timeout_ns);
-  if (code != RCL_RET_TIMEOUT) ros::check(code, "waiting");
+void ControllerNode::add_to(rcl_wait_set_t *set) const {
+  for (const auto &input : inputs_) ros::check(rcl_wait_set_add_subscription(set, &input->subscription, nullptr), "wait set");
+  for (const auto &service : services_) ros::check(rcl_wait_set_add_service(set, &service->service, nullptr), "wait set");
 }
 
-void ControllerNode::run(const volatile int &stop) {
-  int64_t look_ns = 0, watchdog_ns = 0;
-  while (!stop) {
-    const int64_t before_ns = now_ns();
-    wait(std::max<int64_t>(0, std::min(look_ns, watchdog_ns) - before_ns));
-    for (size_t k = 0; k < services_.size(); ++k)
-      if (set_.services[k] != nullptr)
-        services_[k]->handle();
-    for (size_t k = 0; k < inputs_.size(); ++k)
-      if (set_.subscriptions[k] != nullptr) inputs_[k]->handle();
-    const int64_t later_ns = now_ns();
-    if (later_ns >= watchdog_ns) {
-      watchdog_ns = later_ns + WATCHDOG_NS;
-      if (session_.watchdog(later_ns)) publish(later_ns);
-    }
-    if (later_ns >= look_ns) {
-      look_ns = later_ns + LOOK_NS;
-      look();
-    }
+void ControllerNode::handle(const rcl_wait_set_t &set, size_t first_service) {
+  for (size_t k = 0; k < services_.size(); ++k)
+    if (set.services[first_service + k] != nullptr) services_[k]->handle();
+  for (size_t k = 0; k < inputs_.size(); ++k)
+    if (set.subscriptions[k] != nullptr) inputs_[k]->handle();
+}
+
+int64_t ControllerNode::attend() {
+  const int64_t now = now_ns();
+  if (now >= watchdog_ns_) {
+    watchdog_ns_ = now + WATCHDOG_NS;
+    if (session_.watchdog(now)) publish(now);
   }
+  if (now >= look_ns_) {
+    look_ns_ = now + LOOK_NS;
+    look();
+  }
+  return std::min(look_ns_, watchdog_ns_);
+}
+
+void ControllerNode::set_active(bool active) {
+  session_.set_active(active);
+  if (!active) say_no_command();
+}
+
+void ControllerNode::say_no_command() {
+  if (!session_.knows_joints()) return;
+  const std::vector<double> zero(settings_.joint_names.size());
+  const bool velocity = settings_.interface == "velocity"; /* such a drive continues with its last command */
+  send_command(session_.arm().joint.last.stamp_ns, zero.data(), velocity ? zero.size() : 0);
 }
 
 void ControllerNode::close(int64_t timeout_ns) {
-  if (!settings_.lockstep && session_.knows_joints()) {
-    const std::vector<double> zero(settings_.joint_names.size());
-    const bool velocity = settings_.interface == "velocity"; /* such a drive continues with its last command */
-    send_command(session_.arm().joint.last.stamp_ns, zero.data(), velocity ? zero.size() : 0);
-  }
+  if (!settings_.lockstep && session_.active()) say_no_command();
   const int64_t end_ns = now_ns() + timeout_ns;
   const auto deliver = [&](const ros::AnyPublisher &of) { of.deliver(std::max<int64_t>(0, end_ns - now_ns())); };
   deliver(command_), deliver(ledger_);
   for (const ros::AnyPublisher *publisher : reports_.publishers()) deliver(*publisher);
-  ros::ignore(rcl_wait_set_fini(&set_));
 }

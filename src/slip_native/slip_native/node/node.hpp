@@ -19,8 +19,14 @@ class ControllerNode {
  public:
   ControllerNode(ros::Node &ros, const Settings &settings);
 
-  /* Run until `stop` is set. */
-  void run(const volatile int &stop);
+  /* How many subscriptions and services it has, to be added to a wait set before a wait and handled after it. */
+  size_t subscriptions() const { return inputs_.size(); }
+  size_t services() const { return services_.size(); }
+  void add_to(rcl_wait_set_t *set) const;
+  void handle(const rcl_wait_set_t &set, size_t first_service);
+  /* Do what is due: the watchdog's cycle, a look at other nodes; return when something is due again, steady [ns]. */
+  int64_t attend();
+  void set_active(bool active);
   /* Publish that there is no command any more, and wait until subscribers have everything. */
   void close(int64_t timeout_ns);
   int64_t cycles() const { return session_.arm().cycles; }
@@ -31,7 +37,7 @@ class ControllerNode {
   void subscribe(const std::string &name, size_t depth, Take take);
   void subscribe_contacts();
   void subscribe_task();
-  void wait(int64_t timeout_ns);
+  void say_no_command();
   void cycle();
   void publish(int64_t began_ns);
   void send_command(int64_t stamp_ns, const double *numbers, size_t count);
@@ -56,7 +62,7 @@ class ControllerNode {
   std::vector<std::unique_ptr<ros::AnySubscription>> inputs_; /* the joint states last: they begin a cycle */
   std::vector<std::unique_ptr<ros::AnyService>> services_;
   ParameterServer parameters_;
-  rcl_wait_set_t set_ = rcl_get_zero_initialized_wait_set();
   bool is_ready_ = false;
+  int64_t look_ns_ = 0, watchdog_ns_ = 0;
   size_t needed_ = 0; /* of the inputs, those without which the node is not ready */
 };

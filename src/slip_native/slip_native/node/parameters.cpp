@@ -176,7 +176,7 @@ void Parameters::check_all(const std::string &node) const {
       if (name == "object.inertia") check_inertia(*list);
       if (name != "contacts.position") continue;
       const size_t q = numbers("contacts.orientation_xyzw").size(), count = list->size() / 3;
-      const size_t axes = std::get<std::vector<bool>>(value("contacts.slip_axes")).size();
+      const size_t axes = flags("contacts.slip_axes").size();
       if (count < 1 || list->size() != 3 * count || q != 4 * count || axes != 6 * count)
         refuse("contacts.position, orientation_xyzw, slip_axes have " + std::to_string(list->size()) + ", " +
                std::to_string(q) + ", " + std::to_string(axes) + " values; n contacts need 3 n, 4 n, 6 n");

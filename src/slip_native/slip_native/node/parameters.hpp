@@ -41,6 +41,7 @@ class Parameters {
   int64_t whole(const std::string &name) const { return get<int64_t>(name, "a whole number"); }
   double number(const std::string &name) const { return get<double>(name, "a number"); }
   const std::vector<double> &numbers(const std::string &name) const { return get<std::vector<double>>(name, "numbers"); }
+  const std::vector<bool> &flags(const std::string &name) const { return get<std::vector<bool>>(name, "flags"); }
   const std::vector<std::string> &texts(const std::string &name) const {
     return get<std::vector<std::string>>(name, "a list of names");
   }

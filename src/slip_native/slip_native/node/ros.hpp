@@ -15,6 +15,10 @@
 #include <geometry_msgs/msg/pose_stamped.h>
 #include <geometry_msgs/msg/twist_stamped.h>
 #include <geometry_msgs/msg/wrench_stamped.h>
+#include <lifecycle_msgs/msg/detail/transition_description__functions.h>
+#include <lifecycle_msgs/srv/change_state.h>
+#include <lifecycle_msgs/srv/get_available_transitions.h>
+#include <lifecycle_msgs/srv/get_state.h>
 #include <rcl/error_handling.h>
 #include <rcl/rcl.h>
 #include <rcl_interfaces/msg/detail/floating_point_range__functions.h>
@@ -269,6 +273,9 @@ class Subscription final : public AnySubscription {
     static bool init(type *body) { return type##__init(body); }    \
     static void fini(type *body) { type##__fini(body); }           \
   };
+SLIP_VIC_SERVICE(lifecycle_msgs, ChangeState)
+SLIP_VIC_SERVICE(lifecycle_msgs, GetAvailableTransitions)
+SLIP_VIC_SERVICE(lifecycle_msgs, GetState)
 SLIP_VIC_SERVICE(std_srvs, Trigger)
 SLIP_VIC_SERVICE(rcl_interfaces, DescribeParameters)
 SLIP_VIC_SERVICE(rcl_interfaces, GetParameters)

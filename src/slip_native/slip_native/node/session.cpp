@@ -82,7 +82,8 @@ bool Session::cycle(int64_t now_ns) {
   answered_ns_ = waiting_ns_;
   now_ns = settings_.lockstep ? answered_ns_ : now_ns;
   std::fill(exchange_.begin(), exchange_.end(), 0.0);
-  if (slip_vic_begin_answer(&config(), arm_, inputs_, now_ns, request_, 0, reason_))
+  const int64_t missing = active_ ? 0 : SLIP_VIC_MISSING_ACTIVATION;
+  if (slip_vic_begin_answer(&config(), arm_, inputs_, now_ns, request_, missing, reason_))
     terms_.fill(arm_->joint.answers.position, arm_->joint.answers.velocity, &inputs_->arm);
   request_ = SLIP_VIC_REQUEST_NONE;
   commands_ = slip_vic_cycle(&config(), state_.data(), exchange_.data(), 1, static_cast<int64_t>(settings_.rows())) & 1;
@@ -90,7 +91,7 @@ bool Session::cycle(int64_t now_ns) {
 }
 
 bool Session::watchdog(int64_t now_ns) {
-  const bool works = arm_->law.known && arm_->mode.mode != SLIP_VIC_MODE_WAITING_INPUT;
+  const bool works = active_ && arm_->law.known && arm_->mode.mode != SLIP_VIC_MODE_WAITING_INPUT;
   if (settings_.lockstep || !works || !slip_vic_is_silent(&config(), arm_, now_ns)) return false;
   before_ = state_;
   const SlipVic_ArmState was = *arm_;

@@ -31,6 +31,9 @@ class Session {
   /* Take who else publishes: a SlipVic_Reason. */
   void set_outside(int64_t reason) { arm_->outside = reason; }
   void request(int64_t request) { request_ = request; }
+  /* Begin again, or answer without effort until then; a fault stays. */
+  void set_active(bool active) { active_ = active, arm_->law.known = 0; }
+  bool active() const { return active_; }
   /* Take changed parameters, which ramp from the next cycle on; throws Refused or InputError, and changes nothing then.
      node: named by errors. */
   void set_parameters(const Values &given, const std::string &node);
@@ -70,7 +73,7 @@ class Session {
   SlipVic_ArmState *arm_;
   SlipVic_CycleInputs *inputs_;
   SlipVic_CycleOutputs *outputs_;
-  bool waits_ = false, commands_ = false;
+  bool waits_ = false, commands_ = false, active_ = true;
   int64_t waiting_ns_ = 0, answered_ns_ = 0, reason_ = 0, request_ = SLIP_VIC_REQUEST_NONE;
   std::vector<int64_t> manifest_, wrench_counts_, slip_counts_;
   std::vector<std::optional<std::pair<int64_t, SlipVic_Pose>>> displacements_; /* the last of each contact */

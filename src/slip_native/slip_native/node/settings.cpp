@@ -64,8 +64,7 @@ Settings read_settings(const std::string &folder) {
   s.goal_duration_s = given.number("trajectory.duration_s");
   s.lockstep = given.text("mode") == "lockstep";
   s.effort_array = given.flag("publish_effort_array");
-  if (!given.flag("auto_activate"))
-    throw InputError("auto_activate", "false", "true: the native node has no lifecycle", "use slip_vic_controller_node");
+  s.auto_activate = given.flag("auto_activate");
   s.contacts = static_cast<int>(s.config[0].law.contacts);
   s.subscribers = given.whole("expected_subscribers");
   return s;

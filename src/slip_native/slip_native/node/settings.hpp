@@ -14,7 +14,7 @@ struct Settings {
   std::vector<double> armature; /* kg m2, of each joint */
   std::array<double, 3> gravity{};
   std::string ee_frame, wrench_frame, interface, slip_input, trajectory, governor, urdf;
-  bool lockstep = true, effort_array = false;
+  bool lockstep = true, effort_array = false, auto_activate = true;
   int contacts = 1;
   long subscribers = 1; /* on the command before the node is ready */
   double goal_duration_s = 0.0;
