@@ -22,7 +22,7 @@ from slip_core.arrays import Array
 from slip_core.compiled import IN1, INT, OUT1, VOID, kernel, part
 from slip_core.records import record, records
 from slip_vic_controller.contact.observer import ROW_SIZE
-from slip_vic_controller.cycle.deciding import all_at_rest, decide, put_time, slows
+from slip_vic_controller.cycle.deciding import decide, put_time, slows
 from slip_vic_controller.cycle.governing import put_governed, screen, step_on_path
 from slip_vic_controller.cycle.modes import fail, follow, hold, leave_hold
 from slip_vic_controller.cycle.sensing import agree_on_friction, sense
@@ -162,10 +162,10 @@ def cycle(config_buffer: Array, state_buffer: Array, exchange: Array) -> int:
     rows = history.shape[0] // n
     arms = Arms(configs, task, states, inputs, outputs)
     first = ArmCycle(configs[0], task, states[0], inputs[0], outputs[0], True)
-    alone, together = begin_together(arms), all_at_rest(arms)
+    alone = begin_together(arms)
     for k in range(n):
         if inputs[k].present != 0:
-            decide(ArmCycle(configs[k], task, states[k], inputs[k], outputs[k], k == 0), alone, together)
+            decide(ArmCycle(configs[k], task, states[k], inputs[k], outputs[k], k == 0), arms, alone)
     agree(arms, alone)
     for k in range(n):
         c = ArmCycle(configs[k], task, states[k], inputs[k], outputs[k], k == 0)

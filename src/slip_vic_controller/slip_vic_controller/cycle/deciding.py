@@ -7,14 +7,13 @@ then the path comes to rest, and the law continues with the prediction, or witho
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.records import WholeArray
-from slip_core.vectors import ZERO, Spatial, Vec, mat, put_spatial, spatial, vec
+from slip_core.vectors import ZERO, Spatial, mat, put_spatial, spatial, vec
 from slip_vic_controller.arm.estimator import clear_findings, unseen_ns
 from slip_vic_controller.arm.tare import (
     OUTLIER,
@@ -61,39 +60,11 @@ from slip_vic_controller.state import ArmCycle, Arms, ArmState, ControllerConfig
 # -- the tare -----------------------------------------------------------------------------------------
 
 
-class AtRest(NamedTuple):
-    """What the wrenches of all arms show together at rest; of one, and after the tare of all, nothing.
-
-    arms: how many; known: whether all hold it and all are measured; beyond: force beyond the weight of the object, a
-    share of it for each arm [N] {w}. What is left of a single wrench may be internal: arms may press on each other.
-    """
-
-    arms: int
-    known: bool
-    beyond: Vec
-
-
 @part
-def all_at_rest(arms: Arms) -> AtRest:
-    """Return what the wrenches of all arms show together at rest."""
-    configs, states = arms.configs, arms.states
-    n, held, wanted, beyond = len(configs), configs[0].tare.duration_ns > 0, False, ZERO
-    for k in range(n):
-        held = held and states[k].mode.mode == Mode.HOLD and states[k].wrench_inputs[0].seen != 0
-        wanted = wanted or states[k].tare.done == 0
-    if n == 1 or not held or not wanted:
-        return AtRest(n, n == 1, ZERO)
-    for k in range(n):
-        R = mat(arms.inputs[k].arm.rotation)
-        beyond = beyond + (R @ tared_wrench(configs[k], states[k], R).linear - vec(configs[k].hold.weight))
-    return AtRest(n, True, (1.0 / n) * beyond)
-
-
-@part
-def tare(c: ArmCycle, together: AtRest) -> bool:
+def tare(c: ArmCycle, arms: Arms, alone: bool) -> bool:
     """Read the sensors at rest in HOLD, and subtract the biases from the samples of this cycle.
 
-    Returns whether the object's weight was found, and is another than before.
+    Returns whether the object's weight was found, and is another than before. Other arguments as in `decide`.
     """
     config, state, inputs = c.config, c.state, c.inputs
     tare, queue, mass_share = state.tare, state.queue, state.tare.mass_share
@@ -106,12 +77,13 @@ def tare(c: ArmCycle, together: AtRest) -> bool:
         paused = inputs.now_ns - state.now_ns > config.joint.age_ns  # something else may have moved the arm
         if tare.watched == 0 or paused:
             tare.watched, tare.watched_from[:] = 1, state.joint.answers.position
-        six, (beyond, expected) = np.zeros(6), _wrench_at_rest(c, together)
+        six, (beyond, expected) = np.zeros(6), _wrench_at_rest(c, arms)
+        all_measured = len(arms.states) == 1 or (c.task.begun != 0 and not alone)
         over = measure_at_rest(config.tare, tare, stamp_ns, last.position[:n], last.velocity[:n])
         for k in range(queue.count):
             if queue.samples[k].stamp_ns >= tare.begun_ns:
                 add_slip(config.tare, tare, queue.samples[k].twist)
-        if wrench.stamp_ns > tare.wrench_ns and together.known:
+        if wrench.stamp_ns > tare.wrench_ns and all_measured:
             tare.wrench_ns = wrench.stamp_ns
             put_spatial(six, beyond)
             add(tare.wrench, six, 6)
@@ -127,16 +99,21 @@ def tare(c: ArmCycle, together: AtRest) -> bool:
 
 
 @part
-def _wrench_at_rest(c: ArmCycle, together: AtRest) -> tuple[Spatial, Spatial]:
+def _wrench_at_rest(c: ArmCycle, arms: Arms) -> tuple[Spatial, Spatial]:
     """Return the object's wrench on the pad beyond that of the model, and that of the model [N, N m] {ee}.
 
-    Of several arms a share of what they show together, in which torques are not compared.
+    Of several arms an equal share of the force that they show together, without torque: what is left of a single wrench
+    may be internal, since arms may press on each other.
     """
     config, state, R = c.config, c.state, mat(c.inputs.arm.rotation)
-    expected = object_load(config.hold, R, R @ arm_of_load(config, state))
-    if together.arms == 1:
+    expected, beyond, n = object_load(config.hold, R, R @ arm_of_load(config, state)), ZERO, len(arms.states)
+    if n == 1:
         return tared_wrench(config, state, R) - expected, expected
-    return Spatial(R.T() @ together.beyond, ZERO), Spatial(expected.linear, ZERO)
+    for k in range(n):
+        R_k = mat(arms.inputs[k].arm.rotation)
+        force = R_k @ tared_wrench(arms.configs[k], arms.states[k], R_k).linear
+        beyond = beyond + (force - vec(arms.configs[k].hold.weight))
+    return Spatial(R.T() @ ((1.0 / n) * beyond), ZERO), Spatial(expected.linear, ZERO)
 
 
 # -- what speaks against the law: where each condition of the table is found to be so -----------------
@@ -285,10 +262,10 @@ def slows(config: ControllerConfig, state: ArmState, now_ns: int) -> bool:
 
 
 @part
-def decide(c: ArmCycle, alone: bool, together: AtRest) -> None:
+def decide(c: ArmCycle, arms: Arms, alone: bool) -> None:
     """Classify the inputs of an arm and decide the mode of this cycle.
 
-    alone: whether another arm is not answered in this cycle; together: see `AtRest`.
+    arms: all that hold the object; alone: whether another arm is not answered in this cycle.
     """
     config, task, state, inputs, outputs = c.config, c.task, c.state, c.inputs, c.outputs
     outputs.before, outputs.health = state.mode, inputs.health
@@ -330,7 +307,7 @@ def decide(c: ArmCycle, alone: bool, together: AtRest) -> None:
         return
     now_ns, resets = inputs.now_ns, inputs.request == Request.RESET_FAULT
     request = _rest_before_hold(config, state, inputs.request, now_ns)
-    reweighed = config.tare.duration_ns > 0 and not bad and tare(c, together)
+    reweighed = config.tare.duration_ns > 0 and not bad and tare(c, arms, alone)
     why = judge(config, task, state, outputs.health, now_ns)
     next_mode(config.conditions, state.mode, why, request, now_ns)
     outputs.decided = 1
