@@ -12,14 +12,12 @@ from slip_vic_controller.contact.friction_estimate import (
     KEPT,
     OBSERVED,
     PLAUSIBLE,
-    QUIET_NS,
     Friction,
     FrictionConfig,
     FrictionEvidence,
     certify,
     put_certain,
     remember,
-    share_friction,
     slip_sample,
     start_friction,
     suspect,
@@ -254,13 +252,9 @@ def test_certain_load(friction: Friction, F_lo: float) -> None:
     assert e.state.F_lo == F_lo
 
 
-def test_all_pads_have_the_weakest_friction() -> None:
-    config, a, b, both = estimate(sensor_delay_ns=10).config, estimate().state, estimate().state, estimate().state
-    for pad in (a, both):
-        pad.F_lo, pad.F_median, pad.carried, pad.first = 1.0, 1.0, 0.5, 1.0
-    b.F_lo, b.F_median, b.slipped_at, b.carried, b.first, b.slipping, b.slip_ns = 0.66, 0.7, 0.74, 0.6, 1.0, 1, 100
-    take_weaker(both, b)
-    share_friction(config, a, both, 109 + QUIET_NS)
-    assert (a.F_lo, a.F_median, a.slipped_at, a.carried, a.slipping) == (0.66, 0.7, 0.74, 0.5, 1)
-    share_friction(config, both, both, 110 + QUIET_NS)
-    assert both.slipping == 0
+def test_path_has_the_weakest_friction() -> None:
+    pad, both = estimate().state, estimate().state
+    both.F_lo, both.F_median, both.carried, both.first = 1.0, 1.0, 0.5, 1.0
+    pad.F_lo, pad.F_median, pad.slipped_at, pad.carried, pad.first, pad.slipping = 0.66, 0.7, 0.74, 0.6, 1.0, 1
+    take_weaker(both, pad)
+    assert (both.F_lo, both.F_median, both.slipped_at, both.carried, both.slipping) == (0.66, 0.7, 0.74, 0.5, 1)

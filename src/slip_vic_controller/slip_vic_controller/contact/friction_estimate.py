@@ -263,16 +263,4 @@ def take_weaker(out: ContactEstimate, pad: ContactEstimate) -> None:
         out.F_median, out.slipped_at = pad.F_median, pad.slipped_at
     out.F_lo = min(out.F_lo, pad.F_lo)
     out.carried, out.first = min(out.carried, pad.carried), min(out.first, pad.first)
-    out.slipping, out.slip_ns = max(out.slipping, pad.slipping), max(out.slip_ns, pad.slip_ns)
-
-
-@part
-def share_friction(config: FrictionConfig, pad: ContactEstimate, weakest: ContactEstimate, now_ns: int) -> None:
-    """Write the common estimate to a pad: friction, and whether any pad slips.
-
-    A slip of several pads ends when no sample of any pad has shown slip for that time.
-    """
-    pad.F_lo, pad.F_median, pad.slipped_at = weakest.F_lo, weakest.F_median, weakest.slipped_at
-    pad.slip_ns = weakest.slip_ns
-    lasts_ns = QUIET_NS + config.sensor_delay_ns
-    pad.slipping = 1 if weakest.slipping != 0 and now_ns - weakest.slip_ns < lasts_ns else 0
+    out.slipping = max(out.slipping, pad.slipping)

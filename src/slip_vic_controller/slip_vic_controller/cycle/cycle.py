@@ -182,8 +182,8 @@ def cycle(config_buffer: Array, state_buffer: Array, exchange: Array) -> int:
             cause = sense(c, history[k * rows : (k + 1) * rows])
             if cause != Reason.NONE:
                 fail(c, cause)
+    agree_on_friction(task, states)
     if configs[0].governor.mode != Governing.OFF and at_work(states[0], outputs[0]):
-        agree_on_friction(configs[0], task, states)
         step_on_path(first, path_speed)
     answered, holds = 0, False
     for k in range(n):

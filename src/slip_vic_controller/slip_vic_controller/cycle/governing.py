@@ -222,7 +222,7 @@ def put_governed(c: ArmCycle) -> None:
     config, task, state, out = c.config, c.task, c.state, c.outputs.governor
     path, pad = task.governor, state.pad
     out.path_s, out.path_rate, out.guard = path.out_s, path.out_rate, pad.guard
-    F = pad.grip * pad.contact.F_median
+    F = pad.grip * path.contact.F_median
     out.friction_limit, out.friction_events = F, float(pad.friction.events)
     out.load_commanded, out.load_measured = pad.commanded, pad.measured
     out.given_up = 1.0 if state.law.given_up.left_s > 0.0 else 0.0
@@ -232,5 +232,5 @@ def put_governed(c: ArmCycle) -> None:
     out.stream_waits = waiting(task.stream, path.out_time) if config.follows_stream != 0 else 0.0
     out.goal, out.goal_phase = float(task.goal.number), float(task.goal.phase)
     out.goal_progress = goal_progress(path, task.goal) if config.follows_goals != 0 else 0.0
-    out.slipping = float(pad.contact.slipping)
+    out.slipping = float(path.contact.slipping)
     out.grip_command, out.grip_force = state.grip.command, state.grip.actual

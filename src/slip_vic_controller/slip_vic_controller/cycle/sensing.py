@@ -20,7 +20,6 @@ from slip_vic_controller.contact.friction_estimate import (
     learn_carried,
     put_certain,
     remember,
-    share_friction,
     slip_sample,
     suspect,
     take_weaker,
@@ -221,17 +220,11 @@ def weigh_evidence(c: ArmCycle, measured: Spatial, found: bool, dt: float) -> No
 
 
 @part
-def agree_on_friction(config: ControllerConfig, task: TaskState, states: Records[ArmState]) -> None:
-    """Use the friction of the weakest pad for the path, and share slip among all pads; config: of the first arm."""
-    path, n = task.governor, len(states)
-    limits, now_ns = config.governor.friction, states[0].joint.answers.stamp_ns
-    path.contact = states[0].pad.contact
-    for k in range(1, n):
-        take_weaker(path.contact, states[k].pad.contact)
-    if n > 1:
-        for k in range(n):
-            share_friction(limits, states[k].pad.contact, path.contact, now_ns)
-        share_friction(limits, path.contact, path.contact, now_ns)
+def agree_on_friction(task: TaskState, states: Records[ArmState]) -> None:
+    """Use the friction of the weakest pad for the path; where one pad slips, the object slips."""
+    task.governor.contact = states[0].pad.contact
+    for k in range(1, len(states)):
+        take_weaker(task.governor.contact, states[k].pad.contact)
 
 
 # -- the slip velocity of the law ----------------------------------------------------------------------
