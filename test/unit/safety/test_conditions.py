@@ -58,7 +58,7 @@ class Table:
         (Reason.WRENCH_SLOWS, Reason.SLIP_PREDICTED),  # it is predicted from the wrench
         (Reason.SLIP_SLOWS, Reason.SLIP_PREDICTED),  # the same, and for longer
         (Reason.STOPPING, Reason.SATURATED),
-        (Reason.READS_NOTHING, Reason.OVERRUNS),
+        (Reason.SLIP_SENSOR, Reason.OVERRUNS),
         (Reason.OVERRUNS, Reason.PATH_WAITS),
     ],
 )

@@ -127,7 +127,7 @@ def test_findings_carry_numbers() -> None:
     [
         ("task.governor", "overrun", 1, Reason.OVERRUNS), ("task.governor", "endless", 1, Reason.ENDLESS_SLIP),
         ("state.law.given_up", "left_s", 0.1, Reason.GIVEN_UP), ("task.path", "scale", 0.5, Reason.PATH_WAITS),
-        ("state.pad.contact", "slip_health", SensorHealth.READS_NOTHING, Reason.READS_NOTHING),
+        ("state.pad.contact", "slip_health", SensorHealth.READS_NOTHING, Reason.SLIP_SENSOR),
         ("state.pad.contact", "slip_health", SensorHealth.READS_NOTHING + 1, Reason.SLIP_SENSOR),
     ],
 )  # fmt: skip

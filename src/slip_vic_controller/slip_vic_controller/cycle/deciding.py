@@ -222,11 +222,11 @@ def find_reasons_to_wait(config: ControllerConfig, task: TaskState, state: ArmSt
 def find_hindrances(config: ControllerConfig, task: TaskState, state: ArmState, now_ns: int) -> None:
     """Look for what keeps the law from its path."""
     rows, governor, contact = state.conditions, task.governor, state.pad.contact
-    health = contact.slip_health
-    nothing = Why(Reason.READS_NOTHING.value, 0, 0, 0, contact.needs, contact.lacks)
-    see(rows, nothing, health == SensorHealth.READS_NOTHING, now_ns)
-    mistake = Why(Reason.SLIP_SENSOR.value, 0, 0, health, state.pad.sensor.value, state.pad.sensor.limit)
-    see(rows, mistake, health > SensorHealth.READS_NOTHING, now_ns)
+    value, limit = state.pad.sensor.value, state.pad.sensor.limit
+    if contact.slip_health == SensorHealth.READS_NOTHING:
+        value, limit = contact.needs, contact.lacks
+    mistake = Why(Reason.SLIP_SENSOR.value, 0, 0, contact.slip_health, value, limit)
+    see(rows, mistake, contact.slip_health >= SensorHealth.READS_NOTHING, now_ns)
     load = pull(state.pad.evidence)
     pulled, F = math.sqrt(load.dot(load)), state.pad.grip * contact.F_median
     least = max(LEAST_FRICTION * F, config.governor.bias)  # a grip that follows leaves F at rest next to nothing

@@ -250,7 +250,7 @@ def sense(c: ArmCycle, history: Array) -> int:
     law, sample, samples, queue = state.law, state.joint.answers, outputs.samples, state.queue
     dt = max(sample.stamp_ns - law.stamp_ns, 0) * 1e-9
     unknown = state.conditions[Reason.SLIP_PREDICTED].since_ns != NEVER
-    unknown = unknown or state.conditions[Reason.SLIP_SENSOR].since_ns != NEVER
+    unknown = unknown or state.pad.contact.slip_health > SensorHealth.READS_NOTHING
     for k in range(config.law.contacts):
         samples[k].wrench[:] = state.wrench_inputs[k].values
         if state.wrench_modelled != 0:

@@ -143,12 +143,6 @@ class Reason(IntEnum):
     SLIP_PREDICTED = 60, "slip velocity {fault}: predicting it from the wrench", _DEGRADED
     STOPPING = 61, "hold requested: coming to rest first", _DEGRADED
     SATURATED = 62, "efforts saturated", _DEGRADED, 0.1
-    # value: load that the motion needs, limit: that is measured [N]
-    READS_NOTHING = (
-        67,
-        "the wrench shows {limit:.2f} N where the motion needs {value:.2f} N, but slip_velocity reads zero",
-        _DEGRADED,
-    )
     # which: the contact's SensorHealth of the slip sensor, with its numbers
     SLIP_SENSOR = 68, "slip_velocity {mistake}: continuing without it", _DEGRADED
     # value: load beyond that of the model [N]
