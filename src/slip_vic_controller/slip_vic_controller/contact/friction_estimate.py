@@ -75,7 +75,6 @@ class FrictionEvidence(Record):
 
     count: Whole  # cycles that have been remembered
     loads: Annotated[Records[Load], LOADS]
-    most_carried: Real  # N, largest load carried without slip, whatever slips have shown since
     events: Whole  # how often F^ was made smaller
     said: Whole  # samples in a row that show slip
     said_ns: Whole  # stamp of the first of them
@@ -101,7 +100,7 @@ def start_friction(
     disproved = config.friction == Friction.LEARNT and rests_with > config.configured
     contact.first = rests_with / KEPT if disproved else config.configured
     contact.F_median, contact.slipped_at = contact.first, 0.0
-    contact.carried = state.most_carried = min(at_rest + config.probe, contact.first)
+    contact.carried = min(at_rest + config.probe, contact.first)
     contact.slipping, contact.slip_ns = 0, NEVER
     state.count, state.events, state.said, state.said_ns, state.last_ns, state.way[:] = 0, 0, 0, NEVER, NEVER, 0.0
     state.suspected_at = 0.0
@@ -137,9 +136,7 @@ def certify(config: FrictionConfig, contact: ContactEstimate, state: FrictionEvi
     """Count the load of a cycle as carried once the slip sensor would have shown a slip."""
     i = index_at(state, now_ns - config.sensor_delay_ns)
     if contact.slipping == 0 and state.loads[i].stamp_ns <= now_ns - config.sensor_delay_ns:
-        load = state.loads[i]
-        contact.carried = min(max(contact.carried, load.commanded), contact.F_median)
-        state.most_carried = max(state.most_carried, min(load.commanded, load.measured, contact.F_median))
+        contact.carried = min(max(contact.carried, state.loads[i].commanded), contact.F_median)
 
 
 @part
@@ -164,15 +161,12 @@ def may_be_shear(
     """Return whether a slip may be shear of the pads: back and forth, not far from where it began.
 
     Soft pads shear with the rate of the load, whatever its size, and friction does not end far below what it has
-    carried: half of it, or a quarter of what it had carried before slips showed less. step: since the last sample [m].
+    carried. step: since the last sample [m].
     """
     way = spatial(state.way) + step
     put_spatial(state.way, way)
-    length, i = math.sqrt(way.dot(way)), index_at(state, stamp_ns)
-    if length < config.pre_sliding:
-        return True
-    doubted = PLAUSIBLE * max(contact.carried, PLAUSIBLE * state.most_carried)
-    return length < GIVES_M and slipping_load(config, state, i) < doubted
+    length, load = math.sqrt(way.dot(way)), slipping_load(config, state, index_at(state, stamp_ns))
+    return length < max(config.pre_sliding, GIVES_M if load < PLAUSIBLE * contact.carried else 0.0)
 
 
 @part
