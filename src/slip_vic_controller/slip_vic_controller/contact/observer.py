@@ -25,7 +25,7 @@ from slip_core.arrays import Array
 from slip_core.cholesky import LARGEST
 from slip_core.compiled import part
 from slip_core.records import Mat3, Real, Record, Records, Vec3, Vec6, Whole, dtype_of, records
-from slip_core.vectors import NOTHING, ZERO, Spatial, Vec, mat, put, put_spatial, spatial, vec
+from slip_core.vectors import ZERO, Spatial, Vec, mat, put, put_spatial, spatial, vec
 from slip_vic_controller.contact.axis import Axis, correct, correct_within, excess, forget_errors, predict, put_velocity
 from slip_vic_controller.law.contact import StampedSlip
 
@@ -339,16 +339,6 @@ def contradicted_since(state: Observer, rows: Records[Row]) -> int:
 
 
 @part
-def samples_show_rest(config: ObserverConfig, state: Observer, rows: Records[Row], first: int) -> bool:
-    """Return whether the mean of the samples from row `first` on is insignificant against v = 0."""
-    added, n = NOTHING, 0
-    for k in range(first, state.rows):
-        row = row_at(state, rows, k)
-        added, n = added + spatial(row.reads), n + row.samples
-    return added.dot(spatial(config.information) * added) < n * config.nis_slip
-
-
-@part
 def restart_from_samples(config: ObserverConfig, state: Observer, rows: Records[Row], first: int) -> None:
     """Restart from the samples of row `first`: the uncertainty of the model's errors is reset.
 
@@ -373,12 +363,6 @@ def observe_slip(
     first = place_samples(config, state, rows, samples, count)
     rerun(config, state, rows, row_at(state, rows, first - 1).axes, first)
     since = contradicted_since(state, rows) if count > 0 else -1
-    if since >= 0 and samples_show_rest(config, state, rows, since):  # a slip that the samples never saw
-        begin_stick(config, state)
-        for i in range(6):
-            if config.axes[i]:
-                forget_errors(state.axes[i], config.prior_P_bb[i], config.prior_P_cc[i])
-        return
     if since >= 0:
         restart_from_samples(config, state, rows, since)
     state.significance = slip_significance(config, state)
