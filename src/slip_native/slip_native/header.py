@@ -23,14 +23,13 @@ from slip_vic_controller.safety.conditions import (
     SENSORS,
     Missing,
     Mode,
-    Prefix,
     Reason,
     Request,
 )
 from slip_vic_controller.state import GOVERNED, ArmState, ControllerConfig, CycleInputs, CycleOutputs, TaskState
 
 RECORDS = (ControllerConfig, TaskState, ArmState, Row, CycleInputs, CycleOutputs, Symbols)
-ENUMS: tuple[type[IntEnum], ...] = (Mode, Request, Missing, Prefix, Reason, GoalPhase, Refusal)
+ENUMS: tuple[type[IntEnum], ...] = (Mode, Request, Missing, Reason, GoalPhase, Refusal)
 C_TYPES = {"In": "const void *", "Out": "void *", "int": "int64_t ", "None": "void "}
 """Of annotations; pointers without a type, because a buffer holds one record or several."""
 

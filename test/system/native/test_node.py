@@ -101,10 +101,10 @@ def test_words_are_those_of_python(library: Path) -> None:
     sources = HERE / "words_main.cpp", "node/words.cpp"
     call("c++", "-std=c++17", "-I.", "-Inode", *sources, "-o", "words", cwd=library)
     whys = [
-        Why(reason, fault, prefix, which, 0.123456, 1e6)
+        Why(reason, fault, over, which, 0.123456, 1e6)
         for reason in Reason
         for fault in (0, Reason.SILENT.value)
-        for prefix in (0, 7)
+        for over in (0, 1)
         for which in (-1, 0, 1, 5, 12)
     ]
     data = b"".join(np.array(why[:4], np.int64).tobytes() + np.array(why[4:]).tobytes() for why in whys)

@@ -138,7 +138,7 @@ void Reports::publish_mode() {
   const int64_t stamp_ns = session_.stamp_ns(), period = stamp_ns / STATUS_PERIOD_NS;
   const bool held = mode.mode == SLIP_VIC_MODE_HOLD && !mode.enabled;
   const std::vector<int64_t> now = {mode.mode,         mode.reason.reason, mode.reason.fault,
-                                    mode.reason.prefix, mode.reason.which, held};
+                                    mode.reason.over, mode.reason.which, held};
   if (period == mode_period_ && now == last_mode_) return;
   mode_period_ = period;
   std::string reason = describe(mode.reason, settings_.joint_names);

@@ -61,7 +61,6 @@ static std::string filled(const std::string &form, const SlipVic_WhyRecord &why,
 }
 
 std::string describe(const SlipVic_WhyRecord &why, const std::vector<std::string> &joint_names) {
-  std::string text = filled(word(slip_vic_reason_words, why.reason), why, joint_names);
-  if (why.prefix & SLIP_VIC_PREFIX_AFTER_RESET) text = "not enabled, after a reset of: " + text;
-  return why.prefix & SLIP_VIC_PREFIX_RESUMES_AFTER ? "resumes after: " + text : text;
+  const std::string text = filled(word(slip_vic_reason_words, why.reason), why, joint_names);
+  return why.over ? "resumes after: " + text : text;
 }

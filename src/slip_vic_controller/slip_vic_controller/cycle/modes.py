@@ -95,7 +95,7 @@ def hold(c: ArmCycle) -> None:
     if good and measured.dot(measured) < np.inf and not frozen(config.joint, state.joint, inputs.now_ns):
         update_load_error(config.hold, state.hold, inputs.arm, r, measured, dt_ns * 1e-9)
     hold_effort(config.hold, state.hold, inputs.arm, sample, pad, r, outputs.wanted)
-    if not (state.mode.reason.reason == Reason.FALLS and state.mode.reason.prefix == 0):
+    if state.mode.reason.reason != Reason.FALLS:
         carry_load(config.hold, state.hold, inputs.arm, r, outputs.wanted)
     if c.lead:
         task.start_ns += dt_ns

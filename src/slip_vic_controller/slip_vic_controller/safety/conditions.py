@@ -171,15 +171,6 @@ class Missing(IntEnum):
     WRENCH = 8  # of the first contact; those of the others follow, then their slips
 
 
-@unique
-class Prefix(IntEnum):
-    """Words before a reason; bits."""
-
-    NONE = 0
-    RESUMES_AFTER = 2
-    AFTER_RESET = 4
-
-
 MISSING = (
     *("activation", "a good joint state{it}", "joint_states"),
     *(f"{name} of contact {k}" for name in ("wrench", "slip") for k in range(MAX_CONTACTS)),
@@ -196,7 +187,7 @@ class WhyRecord(Record):
 
     reason: Whole  # Reason
     fault: Whole  # Reason: what is wrong with the input that it is about
-    prefix: Whole  # bits of Prefix
+    over: Whole  # whether it has ended, and the law resumes soon
     which: Whole  # joint, bits or place, see Reason
     value: Real  # unit: see Reason
     limit: Real  # unit: see Reason
@@ -207,7 +198,7 @@ class Why(NamedTuple):
 
     reason: int
     fault: int
-    prefix: int
+    over: int
     which: int
     value: float
     limit: float
@@ -251,21 +242,15 @@ def because(reason: int, fault: int) -> Why:
 
 
 @part
-def prefixed(why: Why, prefix: int) -> Why:
-    """Return a reason with a prefix."""
-    return Why(why.reason, why.fault, why.prefix | prefix, why.which, why.value, why.limit)
-
-
-@part
 def read_why(r: WhyRecord) -> Why:
     """Return what is in a record."""
-    return Why(r.reason, r.fault, r.prefix, r.which, r.value, r.limit)
+    return Why(r.reason, r.fault, r.over, r.which, r.value, r.limit)
 
 
 @part
 def put_why(r: WhyRecord, why: Why) -> None:
     """Write to a record."""
-    r.reason, r.fault, r.prefix, r.which = why.reason, why.fault, why.prefix, why.which
+    r.reason, r.fault, r.over, r.which = why.reason, why.fault, why.over, why.which
     r.value, r.limit = why.value, why.limit
 
 
@@ -356,8 +341,7 @@ def holds_for(state: ModeState, reason: int, fault: int) -> bool:
 
     A sensor that is frozen shows it while the arm moves only, so it stays frozen until it reads something else.
     """
-    over = state.reason.prefix & (Prefix.RESUMES_AFTER | Prefix.AFTER_RESET)
-    return bool(not over and state.reason.reason == reason and state.reason.fault == fault)
+    return bool(state.reason.over == 0 and state.reason.reason == reason and state.reason.fault == fault)
 
 
 @part
@@ -380,22 +364,19 @@ def next_mode(config: ConditionsConfig, state: ModeState, why: Why, request: int
         _go(state, Mode.FAULT, why, False, good_since)
         return
     if state.mode == Mode.FAULT:
-        before = prefixed(before, Prefix.AFTER_RESET.value)
         state.mode, enabled = Mode.HOLD, False
     if stops:
         _go(state, leads_to, why, enabled, NEVER)
     elif not enabled:
-        if request == Request.HOLD or before.reason == Reason.ASKED:
-            before = because(Reason.ASKED.value, 0)
-        elif before.prefix & Prefix.AFTER_RESET == 0:
-            before = because(Reason.NOT_ENABLED.value, 0)
-        _go(state, Mode.HOLD, before, False, good_since)
+        asked = request == Request.HOLD or before.reason == Reason.ASKED
+        _go(state, Mode.HOLD, because(Reason.ASKED.value if asked else Reason.NOT_ENABLED.value, 0), False, good_since)
     elif (
         state.mode == Mode.HOLD
         and request != Request.ENABLE
         and (good_since == NEVER or now_ns - good_since < config.resume_after_ns)
     ):
-        _go(state, Mode.HOLD, prefixed(before, Prefix.RESUMES_AFTER.value), True, good_since)
+        ended = Why(before.reason, before.fault, 1, before.which, before.value, before.limit)
+        _go(state, Mode.HOLD, ended, True, good_since)
     else:
         _go(state, leads_to, why, True, good_since)
 
@@ -426,9 +407,7 @@ def describe(why: Why | WhyRecord | Any, joint_names: Sequence[str]) -> str:
         mistake=_word(MISTAKES, why.which).format(value=why.value, limit=why.limit),
         sensor=_word(SENSORS, why.which),
     )
-    if why.prefix & Prefix.AFTER_RESET:
-        text = f"not enabled, after a reset of: {text}"
-    return f"resumes after: {text}" if why.prefix & Prefix.RESUMES_AFTER else text
+    return f"resumes after: {text}" if why.over else text
 
 
 def reason_fields(why: Any, joint_names: Sequence[str]) -> dict[str, object]:
