@@ -16,7 +16,7 @@ from slip_vic_controller.arm.tare import (
     deviation,
     judge_tare,
     measure_at_rest,
-    moved_joint,
+    moved_most,
     start_tare,
     take_biases,
 )
@@ -158,12 +158,10 @@ def test_wrong_mass_is_no_bias(share: float, across: float, accused: Reason, say
 
 
 def test_motion_ends_the_tare() -> None:
-    config, state, q = bounds(), begun(), np.zeros(N)
-    state.watched, q[4] = 1, 1.01 * MOVED
-    assert moved_joint(config, state, 0.98 * q) == -1
-    assert moved_joint(config, state, q) == moved_joint(config, state, -q) == 4
-    state.done = 1
-    assert moved_joint(config, state, q) == -1
+    q, before = np.zeros(N), np.zeros(N)
+    q[4] = 1.01 * MOVED
+    assert moved_most(N, 0.98 * q, before, MOVED) == -1
+    assert moved_most(N, q, before, MOVED) == moved_most(N, -q, before, MOVED) == 4
 
 
 def test_slow_motion_is_no_bias() -> None:

@@ -99,14 +99,6 @@ def moved_most(n: int, q: Array, before: Array, least: float) -> int:
 
 
 @part
-def moved_joint(config: TareConfig, state: Tare, q: Array) -> int:
-    """Return a joint that has moved during the tare, -1 where none has; q: (n,) [rad]."""
-    if state.watched == 0 or state.done != 0:
-        return -1
-    return moved_most(config.joints, q, state.watched_from, MOVED)
-
-
-@part
 def add(state: Mean, values: Array, n: int) -> None:
     """Take a sample (n,) into a mean."""
     state.count += 1

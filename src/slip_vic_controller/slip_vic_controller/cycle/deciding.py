@@ -14,13 +14,14 @@ from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.records import WholeArray
 from slip_core.vectors import ZERO, Spatial, mat, put_spatial, spatial, vec
-from slip_vic_controller.arm.estimator import clear_findings, unseen_ns
+from slip_vic_controller.arm.estimator import clear_findings, find, unseen_ns
 from slip_vic_controller.arm.tare import (
+    MOVED,
     OUTLIER,
     add,
     add_slip,
     measure_at_rest,
-    moved_joint,
+    moved_most,
     start_tare,
     take_biases,
 )
@@ -71,12 +72,15 @@ def tare(c: ArmCycle, arms: Arms, alone: bool) -> bool:
     if inputs.request == Request.TARE and not follows(state.mode.mode):
         start_tare(tare, NEVER)
         tare.watched = 0
-    n, last = config.law.joints, state.joint.last
+    n, last, q = config.law.joints, state.joint.last, state.joint.answers.position
     if tare.done == 0 and state.mode.mode == Mode.HOLD:
         stamp_ns, wrench = state.joint.answers.stamp_ns, state.wrench_inputs[0]
         paused = inputs.now_ns - state.now_ns > config.joint.age_ns  # something else may have moved the arm
         if tare.watched == 0 or paused:
-            tare.watched, tare.watched_from[:] = 1, state.joint.answers.position
+            tare.watched, tare.watched_from[:] = 1, q
+        j = moved_most(n, q, tare.watched_from, MOVED)
+        if j >= 0:
+            find(state.estimate, Reason.MOVED_IN_TARE.value, j, q[j] - tare.watched_from[j], 0.0)
         six, (beyond, expected) = np.zeros(6), _wrench_at_rest(c, arms)
         all_measured = len(arms.states) == 1 or (c.task.begun != 0 and not alone)
         over = measure_at_rest(config.tare, tare, stamp_ns, last.position[:n], last.velocity[:n])
@@ -129,7 +133,7 @@ def judge(config: ControllerConfig, task: TaskState, state: ArmState, health: He
         now_ns: the controller's clock.
     """
     sample = state.joint.answers
-    find_faults(config, state, health, sample.position, sample.velocity, now_ns)
+    find_faults(config, state, health, sample.velocity, now_ns)
     find_bad_inputs(config, state, health, now_ns)
     find_reasons_to_wait(config, task, state, now_ns)
     find_hindrances(config, task, state, now_ns)
@@ -137,15 +141,11 @@ def judge(config: ControllerConfig, task: TaskState, state: ArmState, health: He
 
 
 @part
-def find_faults(config: ControllerConfig, state: ArmState, health: Health, q: Array, qd: Array, now_ns: int) -> None:
-    """Look for what must latch; q, qd: joint state (n,) [rad], [rad/s]."""
+def find_faults(config: ControllerConfig, state: ArmState, health: Health, qd: Array, now_ns: int) -> None:
+    """Look for what must latch; qd: joint velocities (n,) [rad/s]."""
     rows = state.conditions
     _find_speeds(config, state, qd, now_ns)
-    see_one_of(rows, Reason.VELOCITY.value, Reason.IGNORED.value, read_why(state.estimate.found), now_ns)
-    moved = moved_joint(config.tare, state.tare, q)
-    j = max(moved, 0)
-    way = Why(Reason.MOVED_IN_TARE.value, 0, 0, j, q[j] - state.tare.watched_from[j], 0.0)
-    see(rows, way, moved >= 0, now_ns)
+    see_one_of(rows, Reason.VELOCITY.value, Reason.MOVED_IN_TARE.value, read_why(state.estimate.found), now_ns)
     # Noise of the joints' velocities can grow to such a slip velocity at rest, between two samples of a camera.
     v = state.pad.contact.variance
     doubt = OUTLIER * math.sqrt(max(v[0], v[1], v[2])) if config.estimator.on != 0 else 0.0
