@@ -228,13 +228,11 @@ def see_slip(state: Belief, stamp_ns: int, speed: float, band: float) -> None:
     """Update with a slip sample at its own stamp; its effect is propagated to the present.
 
     Args:
-        state: changed.
+        state: changed; with at least one time that is kept.
         stamp_ns: when it was measured.
         speed: |S v_s| [m/s], of a flag infinite or 0.
         band: speed that counts as slip [m/s].
     """
-    if state.count == 0:
-        return
     t, first = BELIEF_TUNING, state.count - 1
     while first > max(state.count - PAST, 0) and state.stamps[first % PAST] > stamp_ns:
         first -= 1

@@ -29,8 +29,6 @@ OBSERVED: Final = 0.5
 """Share of the threshold that a slip sample must show where the observer has found slip: two pieces of evidence."""
 KEPT: Final = 0.95
 """Share of the load at which it slipped that it carries."""
-TRUST: Final = 0.5
-"""Smallest model load relative to the measured one; below it the model is not used."""
 QUIET_NS: Final = 50_000_000
 """Time without slip after which the contact counts as sticking."""
 FASTEST_GROWTH: Final = 30.0
@@ -150,8 +148,7 @@ def slipping_load(config: FrictionConfig, state: FrictionEvidence, i: int) -> fl
         other = state.loads[k]
         if abs(other.stamp_ns - load.stamp_ns) <= config.noise_ns:
             total, count = total + other.measured, count + 1
-    measured = total / count
-    return float(max(min(measured, load.commanded), TRUST * measured))
+    return float(min(total / count, load.commanded))
 
 
 @part
