@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from slip_vic_controller.config.observer import capacity
-from slip_vic_controller.contact.observer import CONTRADICTIONS, ROW, append, contradicted_since
+from slip_vic_controller.contact.observer import ROW, append
 from slip_vic_controller.law.contact import SLIP_SAMPLE
 from test.support.call import call
 from test.unit.contact.rig import MS, SENSOR, Bench, Observer, given, make_motion, make_params, six
@@ -226,21 +226,6 @@ def sliding_observer(rows: int | None = None, **values) -> tuple[Observer, int]:
 def ordered_rows(observer: Observer) -> np.ndarray:
     rows, state = observer.history.view(ROW)[:, 0], observer.state
     return rows[(state.first + np.arange(state.rows)) % len(rows)]
-
-
-def test_contradiction_needs_a_run_of_samples() -> None:
-    observer = Observer(make_params(**SENSOR))
-    state, rows = observer.state, observer.history.view(ROW)[:, 0]
-    state.first, state.rows = 0, CONTRADICTIONS
-    rows["samples"][:CONTRADICTIONS], rows["contradicts"][:CONTRADICTIONS] = 1, 1
-    assert contradicted_since(state, rows) == 0  # the oldest row counts too
-    rows["contradicts"][0] = 0
-    assert contradicted_since(state, rows) == -1
-    rows["samples"][CONTRADICTIONS : CONTRADICTIONS + 2], rows["contradicts"][CONTRADICTIONS + 1] = (0, 1), 1
-    state.rows = CONTRADICTIONS + 2
-    assert contradicted_since(state, rows) == 1  # whatever ticks lie between
-    state.rows = 0
-    assert contradicted_since(state, rows) == -1
 
 
 def test_unfiltered_axes_stay_zero() -> None:

@@ -87,6 +87,7 @@ class Observer(Record):
     sliding: Whole  # 0 stick, 1 slip
     since_ns: Whole  # when stick began
     quiet: Whole  # ticks in a row without significant slip
+    against: Whole  # samples in a row that contradict the estimate
     first: Whole  # where the history begins in its ring
     rows: Whole  # and its length
     twist: Vec6  # m/s, rad/s {ee}; slip velocity, zero in stick
@@ -312,7 +313,7 @@ def is_confirmed(config: ObserverConfig, state: Observer, row: Row) -> bool:
 @part
 def begin_stick(config: ObserverConfig, state: Observer) -> None:
     """End the slip: v = 0 exactly; the learnt model errors stay."""
-    state.sliding, state.quiet, state.since_ns = 0, 0, state.stamp_ns
+    state.sliding, state.quiet, state.against, state.since_ns = 0, 0, 0, state.stamp_ns
     state.first, state.rows = 0, 0
     for i in range(6):
         if config.axes[i]:
@@ -322,28 +323,12 @@ def begin_stick(config: ObserverConfig, state: Observer) -> None:
 
 
 @part
-def contradicted_since(state: Observer, rows: Records[Row]) -> int:
-    """Return the number of the first of the CONTRADICTIONS newest rows with samples, -1 where not all contradict.
-
-    If so many consecutive samples contradict the estimate, the model is wrong, and they are not outliers.
-    """
-    count, i = 0, state.rows
-    while i > 0 and count < CONTRADICTIONS:
-        i -= 1
-        row = row_at(state, rows, i)
-        if row.samples > 0:
-            if row.contradicts == 0:
-                return -1
-            count += 1
-    return i if count == CONTRADICTIONS else -1
-
-
-@part
-def restart_from_samples(config: ObserverConfig, state: Observer, rows: Records[Row], first: int) -> None:
-    """Restart from the samples of row `first`: the uncertainty of the model's errors is reset.
+def restart_from_sample(config: ObserverConfig, state: Observer, rows: Records[Row], first: int) -> None:
+    """Restart from the sample of row `first`: the uncertainty of the model's errors is reset.
 
     A filter that is certain of a wrong model treats every sample as an outlier, and would never recover.
     """
+    state.against = 0
     for _ in range(first):
         drop_oldest(state, rows)
     row = row_at(state, rows, 0)
@@ -362,9 +347,10 @@ def observe_slip(
     """Predict, correct, and test whether the slip is over, or never was; the tick's row is the last one."""
     first = place_samples(config, state, rows, samples, count)
     rerun(config, state, rows, row_at(state, rows, first - 1).axes, first)
-    since = contradicted_since(state, rows) if count > 0 else -1
-    if since >= 0:
-        restart_from_samples(config, state, rows, since)
+    if count > 0:
+        state.against = state.against + 1 if row_at(state, rows, first).contradicts else 0
+    if state.against == CONTRADICTIONS:  # the model is wrong then, and they are no outliers
+        restart_from_sample(config, state, rows, first)
     state.significance = slip_significance(config, state)
     at_rest = is_confirmed(config, state, row_at(state, rows, state.rows - 1)) and state.significance < config.nis_stick
     state.quiet = state.quiet + 1 if at_rest else 0
@@ -490,7 +476,7 @@ def reset(config: ObserverConfig, state: Observer, stamp_ns: int, v_ee: Array) -
         v_ee: twist of the pad at it; (6,) [m/s, rad/s] {w}.
     """
     state.stamp_ns, state.since_ns = stamp_ns, stamp_ns
-    state.sliding, state.quiet, state.first, state.rows = 0, 0, 0, 0
+    state.sliding, state.quiet, state.against, state.first, state.rows = 0, 0, 0, 0, 0
     state.significance = 0.0
     state.twist[:], state.error[:], state.variance[:], state.sample_mean[:] = 0.0, 0.0, 0.0, 0.0
     state.v_ee[:] = v_ee
