@@ -84,7 +84,7 @@ def run(policy: Policy, *steps: tuple[Why, Request, int]) -> ModeState:
     return machine.state
 
 
-ALL = list(itertools.product(Mode, FOUND, Request, (True, False), (None, 0), (POLICY, MANUAL), (50, 100), (0, 7, 20)))
+ALL = list(itertools.product(Mode, FOUND, Request, (True, False), (None, 0), (POLICY, MANUAL), (50, 100), (0, 6, 13)))
 
 
 def test_rules_that_hold_for_every_transition() -> None:
