@@ -9,7 +9,7 @@ from slip_core.arrays import Array
 from slip_vic.run.in_process import run_in_process
 from slip_vic.scenarios.scenario import load
 
-NONE, SHORT = "controller.wrench.source=none", "bridge.duration_s=3.2"
+NONE = "controller.wrench.source=none"
 
 
 def loads(scenario: str, source: str, until_s: float) -> list[list[Array]]:

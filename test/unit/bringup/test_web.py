@@ -28,7 +28,6 @@ from slip_vic.run.metrics import arrival_s, load_ratio, off_goal, summarise
 from test.support.two_arms import two_arms
 
 BAGS = Path(__file__).parents[3] / "bags"
-FLOAT32 = 1e-6
 
 
 def unpack(block: bytes) -> Any:

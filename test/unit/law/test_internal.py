@@ -7,12 +7,6 @@ import numpy as np
 from test.referees.law_referee import grasp_matrix_parts
 from test.support.law_cases import Case, random_case
 
-CONTACTS = {
-    "contacts.position": [0.0, 0.18, 0.0, 0.0, -0.18, 0.0],
-    "contacts.orientation_xyzw": [0.0, 0.0, 0.0, 1.0] * 2,
-    "contacts.slip_axes": [True] * 12,
-}
-
 
 def of_contact(case: Case, i: int) -> Case:
     """Return the case as the arm of contact i sees it: that contact first, its pad where it is."""

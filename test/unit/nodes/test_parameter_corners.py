@@ -19,7 +19,7 @@ from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.session.session import Manifest
 from test.support.one_arm import OneArm, one_arm
 
-CYCLES, DRAWS = 25, 100
+CYCLES = 25
 HOSTILE = (5e-324, 1e-300, 1e300, -1e300)
 NUMBERS = [info for info in parameter_infos(ControllerParams) if "float" in str(info.kind)]
 SET_UPS = {
