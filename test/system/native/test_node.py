@@ -330,7 +330,7 @@ def test_node_needs_no_python(built: Path) -> None:
 
 def test_both_sessions_give_the_same_bits_in_trials(built: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     compile_more(built)
-    for trial in (0, 19, 36, 47):
+    for trial in (*range(14), 43):  # 43 changes gains
         verdict = judge(7, trial, native=built)
         assert verdict.violations == ()
         assert verdict.commands > 100
