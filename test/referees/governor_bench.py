@@ -75,7 +75,7 @@ def _held(c, grasped):
     return Held(grasped.mass, mat(grasped.inertia), vec(grasped.r), spatial(c.weights), vec(c.gravity), ALONE)
 
 
-@kernel(VOID(IN1, OUT1, OUT1, IN1, IN2))
+@kernel(VOID, IN1, OUT1, OUT1, IN1, IN2)
 def _start(config, state, pad, grasped, R):
     c, s = record(config, GOVERNOR_CONFIG), record(state, GOVERNOR)
     at_rest = load(_held(c, record(grasped, OBJECT)), mat(R), ZERO, Spatial(ZERO, ZERO))
@@ -84,7 +84,7 @@ def _start(config, state, pad, grasped, R):
     g.start_governor(c, s, p)
 
 
-@kernel(VOID(IN1, OUT1, OUT1, IN1, INT, IN2, IN1, IN1))
+@kernel(VOID, IN1, OUT1, OUT1, IN1, INT, IN2, IN1, IN1)
 def _sample(config, state, grid, grasped, i, R, twist, acceleration):
     c, s = record(config, GOVERNOR_CONFIG), record(state, GOVERNOR)
     held = _held(c, record(grasped, OBJECT))
@@ -93,7 +93,7 @@ def _sample(config, state, grid, grasped, i, R, twist, acceleration):
     )
 
 
-@kernel(VOID(IN1, OUT1, OUT1, IN1, IN1, IN2, IN1, IN1, IN1, IN2, IN1, REAL, REAL))
+@kernel(VOID, IN1, OUT1, OUT1, IN1, IN1, IN2, IN1, IN1, IN1, IN2, IN1, REAL, REAL)
 def _before(config, state, grid, pad, grasped, R, twist, acceleration, x_e, R_ee, v_ee, most_rate, dt):
     c, s = record(config, GOVERNOR_CONFIG), record(state, GOVERNOR)
     held = _held(c, record(grasped, OBJECT))
@@ -102,7 +102,7 @@ def _before(config, state, grid, pad, grasped, R, twist, acceleration, x_e, R_ee
     g.run(c, s, records(grid, GRID_POINT), held, at, seen, most_rate, dt)
 
 
-@kernel(VOID(IN1, IN1, IN2, IN1, IN1, OUT1))
+@kernel(VOID, IN1, IN1, IN2, IN1, IN1, OUT1)
 def _reference(config, state, R, twist, acceleration, out):
     c, s = record(config, GOVERNOR_CONFIG), record(state, GOVERNOR)
     at = Reference(ZERO, mat(R), spatial(twist), spatial(acceleration))
@@ -111,25 +111,25 @@ def _reference(config, state, R, twist, acceleration, out):
     put_spatial(out[6:], a)
 
 
-@kernel(VOID(IN1, OUT1, OUT1))
+@kernel(VOID, IN1, OUT1, OUT1)
 def _plan(config, state, grid):
     c, s = record(config, GOVERNOR_CONFIG), record(state, GOVERNOR)
     g.plan(c, s, records(grid, GRID_POINT))
 
 
-@kernel(VOID(OUT1, REAL, INT))
+@kernel(VOID, OUT1, REAL, INT)
 def _record_load(pad, measured, now_ns):
     p = record(pad, PAD)
     remember(p.friction, now_ns, measured, p.commanded)
 
 
-@kernel(VOID(IN1, OUT1, INT, REAL))
+@kernel(VOID, IN1, OUT1, INT, REAL)
 def _slip(config, pad, stamp_ns, speed):
     c, p = record(config, GOVERNOR_CONFIG), record(pad, PAD)
     slip_sample(c.friction, p.contact, p.friction, stamp_ns, Spatial(Vec(speed, 0.0, 0.0), ZERO), False)
 
 
-@kernel(REAL(IN1, OUT1, OUT1, IN1, IN2, IN1, IN1, IN1))
+@kernel(REAL, IN1, OUT1, OUT1, IN1, IN2, IN1, IN1, IN1)
 def _hold_back(config, state, pad, grasped, R, w, a_C, a_d):
     c, s = record(config, GOVERNOR_CONFIG), record(state, GOVERNOR)
     held = _held(c, record(grasped, OBJECT))
@@ -137,7 +137,7 @@ def _hold_back(config, state, pad, grasped, R, w, a_C, a_d):
     return hold_back(c, s.ceiling, p, held, mat(R), vec(w), spatial(a_C), spatial(a_d), s.contact.slipping != 0)
 
 
-@kernel(VOID(IN1, IN1, IN2, IN1, IN1, OUT1))
+@kernel(VOID, IN1, IN1, IN2, IN1, IN1, OUT1)
 def _load(config, grasped, R, w, a, out):
     c = record(config, GOVERNOR_CONFIG)
     put_spatial(out, load(_held(c, record(grasped, OBJECT)), mat(R), vec(w), spatial(a)))

@@ -110,7 +110,7 @@ def score(detected: Sequence[Interval], true: Sequence[Interval]) -> Score:
     return Score(len(delays), len(true) - len(delays), len(detected) - len(right), tuple(delays))
 
 
-@kernel(VOID(IN1, OUT1, OUT2, IN1, OUT2, IN1, IN1, IN1, IN1, OUT1))
+@kernel(VOID, IN1, OUT1, OUT2, IN1, OUT2, IN1, IN1, IN1, IN1, OUT1)
 def _watch(
     config: Array, state: Array, history: Array, motion: Array, sample: Array,
     ticks: Array, arrival: Array, stamp: Array, rate: Array, on: Array,

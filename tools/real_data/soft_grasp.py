@@ -40,7 +40,7 @@ class HangingObject(Record):
 OBJECT = dtype_of(HangingObject)
 
 
-@kernel(VOID(IN1, IN1, IN1, IN1, REAL, OUT2))
+@kernel(VOID, IN1, IN1, IN1, IN1, REAL, OUT2)
 def carry(numbers: Array, friction: Array, t: Array, a: Array, longest_step: float, motion: Array) -> None:
     """Simulate the motion of the object relative to the pads.
 

@@ -1,122 +1,132 @@
-"""The only module that calls the compiler: formulas of a control cycle as machine code, made once and kept.
+"""What is compiled, how it is marked, and where its machine code is: a wheel carries it, a clone makes and keeps it.
 
 What is compiled is what is read: the same functions run in Python with NUMBA_DISABLE_JIT=1, to the same bits.
-Compilation is strict IEEE arithmetic (no fast-math, no fused operations, no linear algebra library), so results do not
-depend on the instruction set of the machine.
+Arithmetic is strict IEEE (no fast-math, no fused operations, no linear algebra library), so results depend neither on
+the instruction set of the machine nor on who compiled. `compiler` calls numba; it is imported where something compiles.
 """
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
+import importlib
+import importlib.metadata
 import importlib.util
 import os
-import pickle
+import platform
 import re
 import stat
 import sys
 from collections.abc import Callable
+from importlib.machinery import ExtensionFileLoader, ModuleSpec
 from pathlib import Path
-from typing import Any, TypeVar, cast
-
-import numba
-from numba.core import config
-from numba.core.caching import NullCache
-from numba.core.compiler import CompileResult
-from numba.core.serialize import dumps
+from typing import Any, Final, TypeVar, cast
 
 from slip_core.errors import InputError
-from slip_core.part_compiler import STRICT, Part
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-VOID, REAL, INT = numba.types.void, numba.types.float64, numba.types.int64
-IN1, IN2 = (numba.types.Array(REAL, dimensions, "C", readonly=True) for dimensions in (1, 2))
+
+VOID, REAL, INT, BOOL = "void", "float64", "int64", "boolean"
+"""Types of arguments and results, in numba's notation."""
+IN1, IN2 = "Array(float64, 1, 'C', readonly=True)", "Array(float64, 2, 'C', readonly=True)"
 """Vector and matrix (by rows) that a kernel only reads; arrays that are read-only, and others too, fit."""
-OUT1, OUT2 = (numba.types.Array(REAL, dimensions, "C") for dimensions in (1, 2))
-WHOLE1 = numba.types.Array(INT, 1, "C", readonly=True)
-BOOL = numba.types.boolean
-IN2_F = numba.types.Array(REAL, 2, "F", readonly=True)
+OUT1, OUT2 = "Array(float64, 1, 'C')", "Array(float64, 2, 'C')"
+WHOLE1 = "Array(int64, 1, 'C', readonly=True)"
+IN2_F = "Array(float64, 2, 'F', readonly=True)"
 """Matrix by columns, as Eigen has them."""
 
+LIBRARY: Final = "kernels"
+INTERPRETED: Final = os.environ.get("NUMBA_DISABLE_JIT") == "1"
+KERNELS: Final[dict[Path, dict[str, Any]]] = {}
+"""The kernels that numba has compiled, by the folder of their package and by name."""
+CARRIED: Final[dict[object, Callable[[], Any]]] = {}
+"""How numba compiles a kernel that the installation carries, for compiled code that calls it."""
 
-def kernel(signature: object) -> Callable[[F], F]:
-    """Return a decorator that compiles a function for one signature when its module is imported.
 
-    The machine code is kept in the user's cache folder under a name that changes with every source it can depend on:
-    a stale one is never used, and installations of the same sources share one. A folder that another user can write to
-    is not used either, because what lies there is run.
+def kernel(result: str, *arguments: str) -> Callable[[F], F]:
+    """Return a decorator that gives the machine code of a function for these types when its module is imported.
 
-    Args:
-        signature: for instance VOID(IN1, IN2, INT, OUT1), or text in numba's notation.
+    It is that of the library in the package's folder if the library was made of the same sources. Otherwise the
+    function is compiled, and its machine code kept in the user's cache folder under a name that changes with every
+    source it can depend on: a stale one is never used, and installations of the same sources share one. A folder that
+    another user can write to is not used either, because what lies there is run.
     """
 
-    def compile_now(function: F) -> F:
-        return cast(F, _kept(function, signature))
+    def found(function: F) -> F:
+        if INTERPRETED:
+            return function
+        package = package_of(function)
+        carried = _library(package).get(_name(function))
+        make = functools.cache(lambda: compiler().keep(function, f"{result}({', '.join(arguments)})"))
+        if carried is None:
+            carried = KERNELS.setdefault(package, {})[_name(function)] = make()
+        else:
+            CARRIED[carried] = make
+        return cast(F, carried)
 
-    return compile_now
+    return found
 
 
 def part(function: F) -> F:
     """Mark a function that only kernels call: it becomes part of them."""
-    return function if config.DISABLE_JIT else cast(F, Part(function, _kept))
+    return function if INTERPRETED else cast(F, Part(function))
 
 
-def _kept(function: Callable[..., Any], *signatures: object) -> Callable[..., Any]:
-    """Return a function compiled for a signature now, or for that of each first call; the machine code is kept."""
-    made = numba.njit(**STRICT)(function)
-    if not config.DISABLE_JIT:
-        made._cache = _MachineCode(function)
-        for signature in signatures:
-            made.compile(signature)
-            made.disable_compile()
-    return cast(Callable[..., Any], made)
-
-
-class _MachineCode(NullCache):  # type: ignore[misc]
-    """The machine code of a function on disk: one file per signature, written atomically.
-
-    numba's own cache numbers the files of a function and lists them in an index. If two processes add to it at once,
-    each may write its code to the file that the index lists for the other's signature.
-    """
+class Part:
+    """A function that kernels take in. Called from Python it works too, as a compiled function of its own."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
-        code = function.__code__
-        path = Path(code.co_filename).resolve(strict=True)
-        package = _package(path)
-        enclosed = dumps(tuple(cell.cell_contents for cell in function.__closure__ or ()))
-        self._key = str(path.relative_to(package)), function.__qualname__, code.co_firstlineno, enclosed
-        self._begin = code_folder(package) / function.__name__
+        functools.update_wrapper(self, function)
+        self.py_func = function
 
-    def load_overload(self, signature: object, target: Any) -> CompileResult | None:
-        """Return the code of a signature, None if there is none."""
-        target.refresh()
-        try:
-            kept = pickle.loads(self._path(signature, target.codegen()).read_bytes())
-        except FileNotFoundError:
-            return None
-        return CompileResult._rebuild(target, *kept)
+    @property
+    def _numba_type_(self) -> Any:  # numba reads it
+        return compiler().types.Dispatcher(compiler().inlined(self.py_func))
 
-    def save_overload(self, signature: object, compiled: CompileResult) -> None:
-        """Write the code of a signature."""
-        if not compiled.library.has_dynamic_globals:
-            path = self._path(signature, compiled.codegen)
-            unfinished = path.with_suffix(f".{os.getpid()}")
-            unfinished.write_bytes(dumps(compiled._reduce()))
-            unfinished.replace(path)
+    @functools.cached_property
+    def _alone(self) -> Callable[..., Any]:
+        return cast(Callable[..., Any], compiler().keep(self.py_func))
 
-    def _path(self, signature: object, codegen: Any) -> Path:
-        key = repr((self._key, signature, codegen.magic_tuple()))
-        return self._begin.with_name(f"{self._begin.name}-{hashlib.sha256(key.encode()).hexdigest()}.code")
+    def __call__(self, *arguments: Any) -> Any:
+        """Return what the function returns."""
+        return self._alone(*arguments)
+
+
+def compiler() -> Any:
+    """Return the module that compiles: it takes a second to import."""
+    return importlib.import_module("slip_core.compiler")
+
+
+@functools.cache
+def _library(package: Path) -> dict[str, Any]:
+    """Return the kernels that a package carries as machine code, by name: of these sources, for this libc or older."""
+    with contextlib.suppress(ImportError):
+        if any(package.glob(f"{LIBRARY}-*.so")):  # a clone has none, and no need of a digest
+            loader = ExtensionFileLoader(LIBRARY, str(library_path(package)))
+            module = loader.create_module(ModuleSpec(LIBRARY, loader, origin=loader.path))
+            loader.exec_module(module)
+            return vars(module)
+    return {}
+
+
+def library_path(package: Path) -> Path:
+    """Return where the library of a package's kernels is, if it has one: the name changes with all its sources."""
+    return package / f"{LIBRARY}-{platform.machine()}-{_digest(package)}.so"
+
+
+def _name(function: Callable[..., Any]) -> str:
+    """Return the name of a kernel: of its module, its own, and of what it is made for."""
+    enclosed = (getattr(cell.cell_contents, "__name__", "") for cell in function.__closure__ or ())
+    return " ".join((function.__module__, function.__qualname__, *enclosed)).strip()
 
 
 @functools.lru_cache
 def code_folder(package: Path) -> Path:
-    """Return the folder of a package's machine code: its name changes with Python, numba and all its sources."""
-    digest = hashlib.sha256(f"{numba.__version__} {sys.implementation.cache_tag}".encode())
-    for text in _sources(package):
-        digest.update(text)
-    folder = user_cache() / f"{package.name}-{digest.hexdigest()[:16]}"
+    """Return the folder of what numba has compiled of a package: its name changes with Python, numba and sources."""
+    made_of = f"{importlib.metadata.version('numba')} {sys.implementation.cache_tag} {_digest(package)}"
+    folder = user_cache() / f"{package.name}-{hashlib.sha256(made_of.encode()).hexdigest()[:16]}"
     if not folder.exists():
         print(f"compiling {package.name} for this machine, once", file=sys.stderr, flush=True)
     make_folder(folder)
@@ -137,8 +147,9 @@ def check_private(folder: Path, user: int) -> None:
         raise InputError(f"machine code in {folder}", got=got, expected=expected, fix="remove it")
 
 
-def _sources(package: Path) -> list[bytes]:
-    """Return the texts of all modules that import this one, here or where imports lead, and of what they import."""
+@functools.cache
+def _digest(package: Path) -> str:
+    """Return a digest of all modules that import this one, here or where imports lead, and of what they import."""
     texts = _texts(package) | _texts(Path(__file__).parent)
     wanted, left = set[str](), _compiling(texts)
     while left:
@@ -154,7 +165,7 @@ def _sources(package: Path) -> list[bytes]:
         wanted.add(name)
         for module, names in _IMPORT.findall(texts[name].decode()):
             left += [module, *(f"{module}.{item}" for item in re.findall(r"\w+", names))]
-    return [texts[name] for name in sorted(wanted)]
+    return hashlib.sha256(b"".join(texts[name] for name in sorted(wanted))).hexdigest()[:16]
 
 
 def _compiling(texts: dict[str, bytes]) -> list[str]:
@@ -173,9 +184,9 @@ def _texts(top: Path) -> dict[str, bytes]:
 _IMPORT = re.compile(r"^from (slip_[\w.]+) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
 
 
-def _package(path: Path) -> Path:
-    """Return the folder of the top package of a module."""
-    folder = path.parent
+def package_of(function: Callable[..., Any]) -> Path:
+    """Return the folder of the top package of a function."""
+    folder = Path(function.__code__.co_filename).resolve(strict=True).parent
     while (folder.parent / "__init__.py").exists():
         folder = folder.parent
     return folder

@@ -17,14 +17,14 @@ def put_unit_quaternion(out: Array, R: Mat) -> None:
     out[0], out[1], out[2], out[3] = v.x / size, v.y / size, v.z / size, w / size
 
 
-@kernel(VOID(IN1, IN2, OUT1))
+@kernel(VOID, IN1, IN2, OUT1)
 def pose(position: Array, rotation: Array, out: Array) -> None:
     """Write position and quaternion x y z w; (3,) [m], (3, 3) -> (7,)."""
     put(out, vec(position))
     put_unit_quaternion(out[3:], mat(rotation))
 
 
-@kernel(VOID(IN1, IN2, IN1, OUT1))
+@kernel(VOID, IN1, IN2, IN1, OUT1)
 def odometry(position: Array, rotation: Array, twist: Array, out: Array) -> None:
     """Write position, quaternion x y z w, and the twist turned to the body's axes; (3,), (3, 3), (6,) {w} -> (13,)."""
     R = mat(rotation)

@@ -18,8 +18,6 @@ import functools
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import numpy as np
-from numba import carray, types
-from numba.extending import intrinsic, overload
 from numpy.typing import ArrayLike, NDArray
 
 from slip_core.arrays import Array
@@ -104,11 +102,6 @@ def record(buffer: Array, dtype: np.dtype[np.void]) -> Any:
     return np.ndarray(1, dtype, buffer)[0]  # `view` looks at every field of a layout first: 0.3 us instead of up to 43
 
 
-@overload(record)
-def _compiled_record(buffer, dtype):  # type: ignore[no-untyped-def]
-    return lambda buffer, dtype: carray(_begin(buffer), 1, dtype)[0]
-
-
 def copy_fields(to: Any, *sources: object) -> None:
     """Copy numbers, and arrays of them, into those fields of a record whose names they have in one of the sources.
 
@@ -131,28 +124,6 @@ def records(matrix: Array, dtype: np.dtype[np.void]) -> Any:
         dtype: layout of a row; in compiled code a module's constant.
     """
     return np.ndarray(matrix.nbytes // dtype.itemsize, dtype, matrix)
-
-
-@overload(records)
-def _compiled_records(matrix, dtype):  # type: ignore[no-untyped-def]
-    size = dtype.dtype.size // 8
-    return lambda matrix, dtype: carray(_begin(matrix), matrix.size // size, dtype)
-
-
-@intrinsic
-def _begin(_context, array):  # type: ignore[no-untyped-def]
-    """Return the address of an array: numba's own view of another dtype costs 0.15 us, as much as many parts.
-
-    As with such a view, nothing keeps the buffer: it has to be an argument of the kernel.
-    """
-    if array.layout != "C":
-        raise TypeError("records lie in contiguous buffers")
-
-    def address(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
-        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
-        return builder.bitcast(data, context.get_value_type(types.voidptr))
-
-    return types.voidptr(array), address
 
 
 def place(dtype: np.dtype[np.void], path: str) -> slice:

@@ -8,79 +8,28 @@ read them, `put` and `put_mat` write.
 from __future__ import annotations
 
 import math
-import operator
-from collections.abc import Callable
-from typing import Any, NamedTuple, TypeVar
-
-from numba import types
-from numba.extending import overload, overload_method, register_jitable
+from typing import NamedTuple, TypeVar, cast
 
 from slip_core.arrays import Array
 from slip_core.compiled import part
 
+F = TypeVar("F")
 T = TypeVar("T", bound=type)
 Turned = TypeVar("Turned", "Vec", "Mat", "Spatial")
 
-_OPERATORS = {
-    "__add__": operator.add,
-    "__sub__": operator.sub,
-    "__neg__": operator.neg,
-    "__mul__": operator.mul,
-    "__truediv__": operator.truediv,
-    "__rmul__": operator.mul,
-    "__matmul__": operator.matmul,
-}
-_METHODS: dict[str, dict[type | None, Callable[..., Any]]] = {}
-
-
-def _class_of(numba_type: object) -> type | None:
-    """Return the named tuple class of a type of the compiler, None where it is none."""
-    return getattr(numba_type, "instance_class", None)
+ALGEBRAS: list[type] = []
 
 
 def algebra(cls: T) -> T:
     """Let the compiler know the operators and methods of a named tuple: it compiles the methods themselves."""
     cls.__array_ufunc__ = None  # type: ignore[attr-defined]  # a numpy number times a Vec is a Vec, not an array
-    for name, method in vars(cls).items():
-        if name in _OPERATORS and callable(method):
-            _register_operator(cls, name, method)
-        elif callable(method) and not name.startswith("_"):
-            if name not in _METHODS:
-                _METHODS[name] = {}
-                _register_method(types.NamedTuple, name)
-                _register_method(types.NamedUniTuple, name)
-            _METHODS[name][cls] = method
+    ALGEBRAS.append(cls)
     return cls
 
 
-def _register_operator(cls: type, name: str, method: Callable[..., Any]) -> None:
-    if name == "__neg__":
-
-        @overload(operator.neg, strict=False)
-        def negative(a):  # type: ignore[no-untyped-def]
-            return method if _class_of(a) is cls else None
-
-    elif name == "__rmul__":
-        scaled = register_jitable(method)
-
-        @overload(operator.mul, strict=False)
-        def product(k, a):  # type: ignore[no-untyped-def]
-            return (lambda k, a: scaled(a, k)) if _class_of(a) is cls and isinstance(k, types.Number) else None
-
-    else:
-
-        @overload(_OPERATORS[name], strict=False)
-        def binary(a, b):  # type: ignore[no-untyped-def]
-            return method if _class_of(a) is cls and _class_of(b) is not None else None
-
-
-def _register_method(kind: type, name: str) -> None:
-    table = _METHODS[name]
-    # The compiler asks a chooser with as many arguments as the method has.
-    if name in ("norm", "T"):
-        overload_method(kind, name, strict=False)(lambda a: table.get(_class_of(a)))
-    else:
-        overload_method(kind, name, strict=False)(lambda a, b: table.get(_class_of(a)))
+def interpreted(function: F) -> F:
+    """Return a part as Python runs it, to the same bits: for rare calls of nodes, which need no numba."""
+    return cast(F, getattr(function, "py_func", function))
 
 
 @algebra

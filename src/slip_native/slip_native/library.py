@@ -9,6 +9,7 @@ import inspect
 import shutil
 import subprocess
 import tempfile
+from collections.abc import Iterable, Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Any, Final
@@ -16,15 +17,16 @@ from typing import Any, Final
 from llvmlite import binding
 from numba import cfunc, types
 
-from slip_core.compiled import INT, VOID
+from slip_core.compiler import STRICT
 from slip_core.errors import InputError
-from slip_core.part_compiler import STRICT
 from slip_native.functions import FUNCTIONS
 
 BASELINES: Final = {"x86_64": "x86-64-v2"}
 """Oldest processor for which a library is made, by architecture; of others this machine's own."""
 SOURCES = resources.files("slip_native")
-_TYPES = {"In": types.CPointer(types.float64), "Out": types.CPointer(types.float64), "int": INT, "None": VOID}
+OPTIONS: Final = ("-std=c11", "-O2", "-fPIC", "-Wall", "-Wextra")
+_REALS, _WHOLES = types.CPointer(types.float64), types.CPointer(types.int64)
+_TYPES = {"In": _REALS, "Out": _REALS, "Whole": _WHOLES, "int": types.int64, "float": types.float64, "None": types.void}
 
 
 def build(folder: Path, cpu: str = "") -> None:
@@ -37,28 +39,13 @@ def build(folder: Path, cpu: str = "") -> None:
     Raises:
         InputError: there is no C compiler, or LLVM knows no such processor.
     """
-    compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
-    if compiler is None or shutil.which("objcopy") is None:
-        expected = "a C compiler and binutils, which link the library"
-        raise InputError(
-            "slip-vic export", got="no cc or no objcopy", expected=expected, fix="apt install gcc binutils"
-        )
     with tempfile.TemporaryDirectory(prefix="slip_vic_export_") as temporary:
-        code, whole = Path(temporary) / "cycle.o", Path(temporary) / "slip_vic.o"
-        code.write_bytes(object_code(cpu))
-        with resources.as_file(SOURCES / "c" / "runtime.c") as runtime:
-            flags = ("-std=c11", "-O2", "-fPIC", "-Wall", "-Wextra")
-            _call(compiler, *flags, "-c", runtime, "-o", Path(temporary) / "runtime.o")
-        # One object whose only names are those of the header: a host that has Python or numba in it keeps its own.
-        _call(compiler, "-nostdlib", "-r", "-Wl,-d", code, Path(temporary) / "runtime.o", "-o", whole)
-        names = [
-            f"--keep-global-symbol={name}"
-            for name in (*(one.__name__ for one in FUNCTIONS), "slip_vic_faults", "slip_vic_room_used")
-        ]
-        _call("objcopy", *names, whole)
+        names = [*(function.__name__ for function in FUNCTIONS), "slip_vic_faults", "slip_vic_room_used"]
+        # A host that has Python or numba in it keeps its own names.
+        whole = object_file(Path(temporary), map(assembly, FUNCTIONS), cpu, names)
         _call("ar", "rcs", folder / "libslip_vic.a", whole)
-        link = ("-lm", "-Wl,--no-undefined", "-Wl,-soname,libslip_vic.so")
-        _call(compiler, "-shared", whole, "-o", folder / "libslip_vic.so", *link)
+        library = folder / "libslip_vic.so"
+        cc("-shared", whole, "-o", library, "-lm", "-Wl,--no-undefined", f"-Wl,-soname,{library.name}")
 
 
 def sources() -> dict[str, str]:
@@ -68,20 +55,35 @@ def sources() -> dict[str, str]:
     return {name: file.read_text(encoding="utf-8") for name, file in found.items()}
 
 
+def cc(*arguments: str | Path) -> None:
+    """Run the C compiler."""
+    compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+    if compiler is None or shutil.which("objcopy") is None:
+        expected, fix = "a C compiler and binutils, which link the library", "apt install gcc binutils"
+        raise InputError("slip-vic export", got="no cc or no objcopy", expected=expected, fix=fix)
+    _call(compiler, *arguments)
+
+
 def _call(*command: str | Path) -> None:
     done = subprocess.run([str(part) for part in command], capture_output=True, text=True, check=False)
     if done.returncode != 0:
         raise InputError(f"{command[0]}", got=done.stderr.strip().partition("\n")[0], expected="a library of the cycle")
 
 
-def object_code(cpu: str) -> bytes:
-    """Return the functions as one object file for a processor; see `build`."""
+def object_file(folder: Path, assemblies: Iterable[str], cpu: str, names: Sequence[str], *options: str) -> Path:
+    """Return an object file of functions in LLVM's text, and of what they need; it shows these names alone."""
+    code, runtime, whole = (folder / name for name in ("code.o", "runtime.o", "whole.o"))
+    with resources.as_file(SOURCES / "c" / "runtime.c") as source:
+        cc(*OPTIONS, *options, "-c", source, "-o", runtime)
     machine = _target(cpu)
     module = binding.parse_assembly("")
-    for function in FUNCTIONS:
-        module.link_in(binding.parse_assembly(_assembly(function)))
+    for text in assemblies:
+        module.link_in(binding.parse_assembly(text))
     module.verify()
-    return bytes(machine.emit_object(module))
+    code.write_bytes(machine.emit_object(module))
+    cc("-nostdlib", "-r", "-Wl,-d", code, runtime, "-o", whole)
+    _call("objcopy", *(f"--keep-global-symbol={name}" for name in names), whole)
+    return whole
 
 
 def _target(cpu: str) -> Any:
@@ -96,8 +98,8 @@ def _target(cpu: str) -> Any:
     )
 
 
-def _assembly(function: Any) -> str:
-    """Return LLVM's text of a function under its own name."""
+def assembly(function: Any) -> str:
+    """Return LLVM's text of a function under its own name; its annotations are of `_TYPES`."""
     found = inspect.signature(function)
     signature = _TYPES[found.return_annotation](*(_TYPES[p.annotation] for p in found.parameters.values()))
     compiled = cfunc(signature, **STRICT)(function)

@@ -79,7 +79,7 @@ def fill_wrench_sensor(sensor: WrenchSensor, params: ControllerParams, robot: Ro
     sensor.tool_mass, sensor.tool_com[:], sensor.gravity[:] = given.tool_mass, given.tool_com, params.gravity
 
 
-@kernel(VOID(IN1, IN2, IN1, IN2, REAL, OUT1))
+@kernel(VOID, IN1, IN2, IN1, IN2, REAL, OUT1)
 def mean_velocity(s_1: Array, R_1: Array, s_2: Array, R_2: Array, dt: float, twist: Array) -> None:
     """Write the mean slip velocity between two displacements; (3,) [m], (3, 3) on {p} axes; dt [s]; (6,) {ee}.
 

@@ -35,13 +35,13 @@ def six(x: float = 0.0, y: float = 0.0, turn: float = 0.0) -> np.ndarray:
     return np.array([x, y, 0.0, 0.0, 0.0, turn])
 
 
-@kernel(VOID(IN1, OUT1, INT, IN1))
+@kernel(VOID, IN1, OUT1, INT, IN1)
 def reset_buffers(config: Array, state: Array, stamp_ns: int, v_ee: Array) -> None:
     """`reset` of buffers."""
     reset(record(config, OBSERVER_CONFIG), record(state, OBSERVER), stamp_ns, v_ee)
 
 
-@kernel(BOOL(IN1, OUT1, OUT2, IN1, INT, IN2, INT))
+@kernel(BOOL, IN1, OUT1, OUT2, IN1, INT, IN2, INT)
 def observe_buffers(
     config: Array, state: Array, history: Array, motion: Array, stamp_ns: int, samples: Array, count: int
 ) -> bool:

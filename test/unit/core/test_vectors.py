@@ -50,7 +50,7 @@ def turned(contact, k):
     return (mat(contact.rotation) @ mat(contact.rotation).T()) @ a
 
 
-@kernel(VOID(IN1, OUT1))
+@kernel(VOID, IN1, OUT1)
 def every_operator(inputs, outputs):
     given, out = record(inputs, GRASP), record(outputs, GRASP)
     a = Vec(1.0, 2.0, 3.0)

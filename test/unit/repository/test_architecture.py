@@ -25,11 +25,11 @@ TOOLS = {"click", "rich", "matplotlib", "pandas", "scipy"}
 # Every key is a module that exists, and every module is below a key of its own package.
 ALLOWED = {
     "slip_core": NUMERIC,
-    "slip_core.compiled": {"numba"},  # with the next three the only files that know the compiler
-    "slip_core.part_compiler": {"numba"},
+    "slip_core.compiled": set(),
+    "slip_core.compiler": {"numba"},  # the only file that knows it, beside those of slip_native
     "slip_core.files.urdf_file": {"slip_core", "xacro"},
-    "slip_core.records": {"numpy", "numba"},
-    "slip_core.vectors": {"numba"},
+    "slip_core.records": {"numpy"},
+    "slip_core.vectors": set(),
     "slip_msgs_py": {"numpy", "slip_core"} | ROS,
     "slip_description": set(),
     "slip_vic_controller": SHELLS,
@@ -60,8 +60,8 @@ ALLOWED = {
 SHARED = {"slip_vic_controller.sizes", "slip_vic_controller.params.controller_params"}
 CYCLE = {f"slip_vic_controller.{part}" for part in ("arm", "contact", "governor", "law", "path", "safety")} | SHARED
 OWN = {  # layers inside a package: what of the own package a part may import
-    "slip_core.compiled": {"slip_core.errors", "slip_core.part_compiler"},
-    "slip_core.part_compiler": set(),
+    "slip_core.compiled": {"slip_core.errors"},
+    "slip_core.compiler": {"slip_core.compiled", "slip_core.records", "slip_core.vectors"},
     "slip_core.records": {"slip_core.arrays", "slip_core.stamps"},
     "slip_core.vectors": {"slip_core.arrays", "slip_core.compiled"},
     "slip_vic_controller.arm": {

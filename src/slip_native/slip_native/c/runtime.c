@@ -1,12 +1,15 @@
 /* What the compiled cycle expects of its surroundings: room for small temporary arrays, and nothing to raise.
  *
  * numba keeps temporary arrays in counted blocks. Here they come from a fixed room of the calling thread, which is
- * given back when they are let go, at the end of a call at the latest: no heap, no lock.
+ * given back when they are let go, at the end of a call at the latest: no heap, no lock. With HEAP, for Python, whose
+ * kernels plan whole paths too, they come from the heap.
  */
+#include <assert.h>
 #include <stdalign.h>
 #include <stdatomic.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdlib.h>
 
 #define ROOM 65536 /* bytes; the largest call needs a tenth, which a test holds */
 
@@ -29,6 +32,21 @@ typedef struct MemInfo {
   size_t began;
 } MemInfo;
 
+#ifdef HEAP
+enum { HEAD = 64 }; /* bytes before the numbers; a MemInfo is at their end */
+static_assert(sizeof(MemInfo) <= HEAD, "room for a MemInfo");
+
+MemInfo *NRT_MemInfo_alloc_aligned(size_t size, uint32_t align) {
+  if (align > HEAD || size > SIZE_MAX / 2) return fault();
+  unsigned char *head = aligned_alloc(HEAD, HEAD + (size + HEAD - 1) / HEAD * HEAD);
+  if (head == NULL) return fault();
+  MemInfo *info = (MemInfo *)(void *)(head + HEAD) - 1;
+  *info = (MemInfo){1, NULL, NULL, head + HEAD, size, 0};
+  return info;
+}
+
+void NRT_MemInfo_call_dtor(MemInfo *info) { free((unsigned char *)(info + 1) - HEAD); }
+#else
 static _Thread_local alignas(64) unsigned char room[ROOM];
 static _Thread_local size_t used, most;
 static _Thread_local MemInfo *top;
@@ -45,12 +63,15 @@ MemInfo *NRT_MemInfo_alloc_aligned(size_t size, uint32_t align) {
   return info;
 }
 
-MemInfo *NRT_MemInfo_alloc(size_t size) { return NRT_MemInfo_alloc_aligned(size, alignof(max_align_t)); }
-
 void NRT_MemInfo_call_dtor(MemInfo *info) {
   info->references = 0;
   for (; top != NULL && top->references == 0; top = top->below) used = top->began;
 }
+
+int64_t slip_vic_room_used(void) { return (int64_t)most; }
+#endif
+
+MemInfo *NRT_MemInfo_alloc(size_t size) { return NRT_MemInfo_alloc_aligned(size, alignof(max_align_t)); }
 
 /* Copies of a slice whose place overlaps with where it is assigned to. */
 void *NRT_Allocate(size_t size) {
@@ -59,8 +80,6 @@ void *NRT_Allocate(size_t size) {
 }
 
 void NRT_Free(void *block) { NRT_MemInfo_call_dtor((MemInfo *)block - 1); }
-
-int64_t slip_vic_room_used(void) { return (int64_t)most; }
 
 /* Of exceptions, which no call raises. */
 void *PyExc_RuntimeError, *PyExc_StopIteration, *PyExc_SystemError;

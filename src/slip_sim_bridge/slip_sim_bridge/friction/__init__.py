@@ -7,16 +7,14 @@ requires, its name in `LAWS` and in `friction/params.py`, and a test.
 from __future__ import annotations
 
 import importlib
-from typing import TYPE_CHECKING, Any, Final, Protocol, cast
+from typing import Any, Final, Protocol, cast
 
+import numpy as np
+
+from slip_core.arrays import Array
+from slip_core.records import new, record
+from slip_core.vectors import Sym, Vec
 from slip_sim_bridge.friction.params import FrictionParams
-
-if TYPE_CHECKING:  # the parameters are read, and a bad one is answered, before the compiler is loaded
-    import numpy as np
-
-    from slip_core.arrays import Array
-    from slip_core.vectors import Sym, Vec
-
 
 LAWS: Final = {"stribeck": "stribeck", "coulomb": "stribeck", "lugre": "lugre"}
 """Module of each `friction.model`."""
@@ -50,8 +48,6 @@ class FrictionLaw(Protocol):
 
 def friction_law(params: FrictionParams) -> tuple[FrictionLaw, Array]:
     """Return the law that `params.model` names, and its parameters laid out by its `LAYOUT`."""
-    from slip_core.records import new, record
-
     law = cast(FrictionLaw, importlib.import_module(f"{__name__}.{LAWS[params.model]}"))
     parameters = new(law.LAYOUT)
     law.fill(record(parameters, law.LAYOUT), params)

@@ -16,6 +16,7 @@ import numpy as np
 from slip_core.arrays import Array, matrix_from_quat_xyzw
 from slip_core.errors import InputError
 from slip_core.records import POSE, Pose, Records, record, records
+from slip_core.vectors import interpreted
 from slip_sim_bridge.friction import friction_law
 from slip_sim_bridge.friction.limit_surface import ROOT_MARGIN
 from slip_sim_bridge.params import BridgeParams
@@ -62,7 +63,7 @@ class ElasticPlant(LoosePlant):
         for contact, arm in zip(self._contacts, each, strict=True):
             contact.stiffness, contact.damping = np.array(arm.pad.stiffness), np.array(arm.pad.damping)
             contact.radius = arm.friction.torsional_radius
-            fall = law.steepest_fall(record(friction_law(arm.friction)[1], law.LAYOUT), arm.grip.force)
+            fall = interpreted(law.steepest_fall)(record(friction_law(arm.friction)[1], law.LAYOUT), arm.grip.force)
             least = fall / ROOT_MARGIN
             if min(contact.damping[0], contact.damping[1], contact.damping[5] / contact.radius**2) < least:
                 raise InputError(

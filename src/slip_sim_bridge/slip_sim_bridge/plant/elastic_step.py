@@ -145,7 +145,7 @@ def elastic_step(law: FrictionLaw) -> Any:
     """Compile the forces of the coming step for a friction law, which all contacts have."""
     law_layout = law.LAYOUT
 
-    @kernel(INT(IN1, IN1, WHOLE1, IN1, IN1, IN1, IN2, IN2, IN2, IN1, REAL, OUT2, OUT2, OUT1))
+    @kernel(INT, IN1, IN1, WHOLE1, IN1, IN1, IN1, IN2, IN2, IN2, IN1, REAL, OUT2, OUT2, OUT1)
     def step(
         factor: Array, inverse_diagonal: Array, tree: WholeArray, qvel: Array, bias: Array, effort: Array,
         frames: Array, jacobians: Array, laws: Array, normal_forces: Array, dt: float, state: Array, rows: Array,
@@ -258,7 +258,7 @@ def elastic_step(law: FrictionLaw) -> Any:
     return step
 
 
-@kernel(VOID(IN1, IN2, IN1, REAL, OUT2))
+@kernel(VOID, IN1, IN2, IN1, REAL, OUT2)
 def elastic_after(qvel: Array, rows: Array, normal_forces: Array, dt: float, state: Array) -> None:
     """Advance deflection and slip of all contacts; arguments as in `elastic_step`, qvel after the step.
 

@@ -106,7 +106,7 @@ def eliminate(A: Array, x: Array) -> None:
         x[k] /= A[k, k]
 
 
-@kernel(INT(IN1, IN1, WHOLE1, IN1, IN1, IN1, REAL, OUT2))
+@kernel(INT, IN1, IN1, WHOLE1, IN1, IN1, IN1, REAL, OUT2)
 def joint_step(
     factor: Array, inverse_diagonal: Array, tree: WholeArray, qpos: Array, qvel: Array, force: Array, dt: float,
     drives: Array,

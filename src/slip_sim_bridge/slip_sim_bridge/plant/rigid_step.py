@@ -128,7 +128,7 @@ def rigid_step(law: FrictionLaw) -> Any:
     """Compile the step for a friction law: effort and friction of the coming sub-step become joint forces."""
     law_layout = law.LAYOUT
 
-    @kernel(INT(IN1, IN1, WHOLE1, IN1, IN1, IN1, IN1, IN1, IN1, OUT1, REAL, INT, INT, OUT2, OUT1))
+    @kernel(INT, IN1, IN1, WHOLE1, IN1, IN1, IN1, IN1, IN1, IN1, OUT1, REAL, INT, INT, OUT2, OUT1)
     def step(
         factor: Array, inverse_diagonal: Array, tree: WholeArray, qpos: Array, qvel: Array, bias: Array, stops: Array,
         effort: Array, parameters: Array, pad: Array, normal_force: float, substeps: int, keep: int, drives: Array,
@@ -198,7 +198,7 @@ def rigid_step(law: FrictionLaw) -> Any:
     return step
 
 
-@kernel(VOID(IN1, IN1, IN1, IN1, IN2, IN1, IN1, IN2, IN1, IN2, OUT1))
+@kernel(VOID, IN1, IN1, IN1, IN1, IN2, IN1, IN1, IN2, IN1, IN2, OUT1)
 def read_rigid(
     qpos: Array, qvel: Array, readings: Array, com: Array, turned: Array, spatial: Array, root: Array, p_R_o: Array,
     pad_position: Array, pad_rotation: Array, out: Array,

@@ -14,6 +14,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Final
 
+from slip_core.compiled import make_folder, user_cache
 from slip_core.errors import InputError, ProtocolError
 from slip_vic.run.lock import TakenError, is_locked, locked
 
@@ -35,13 +36,12 @@ def domain_id(wanted: int | None = None, namespace: str = "") -> Iterator[int]:
         InputError: a run of this suite has the wanted one; the folder of the locks cannot be made.
         ProtocolError: all ids are taken, or locks cannot be written.
     """
-    from slip_core.compiled import make_folder  # numba takes a second to load
-
-    make_folder(_folder())
+    folder = user_cache() / "domains"
+    make_folder(folder)
     count, turn, kept = LAST - FIRST + 1, next(_turns), contextlib.ExitStack()
     taken = domains_in_use() if wanted is None else []
     for candidate in [FIRST + (turn + k) % count for k in range(count)] if wanted is None else [wanted]:
-        path = _folder() / f"{candidate}.{namespace.strip('/').replace('/', '.')}"
+        path = folder / f"{candidate}.{namespace.strip('/').replace('/', '.')}"
         if wanted is None and (candidate in taken or has_nodes(candidate)):
             continue
         try:
@@ -62,7 +62,7 @@ def domain_id(wanted: int | None = None, namespace: str = "") -> Iterator[int]:
 
 def domains_in_use() -> list[int]:
     """Return the domain ids that this user's runs of the suite hold, the newest first."""
-    found = [path for path in _folder().glob("*.*") if is_locked(path)]
+    found = [path for path in (user_cache() / "domains").glob("*.*") if is_locked(path)]
     return [int(path.name.partition(".")[0]) for path in sorted(found, key=lambda path: -path.stat().st_mtime)]
 
 
@@ -97,9 +97,3 @@ def check_alone(domain: int, topics: Iterable[str]) -> None:
     if heard:
         fix = "stop it, or give another --domain-id or --namespace"
         raise InputError(f"ROS domain {domain}", got=heard, expected="no other publisher of it", fix=fix)
-
-
-def _folder() -> Path:
-    from slip_core.compiled import user_cache  # numba takes a second to load
-
-    return user_cache() / "domains"

@@ -16,6 +16,8 @@ from typing import Final
 
 from rich.console import Console
 
+import slip_vic_controller
+from slip_core.compiled import code_folder, library_path, make_folder, user_cache
 from slip_core.errors import InputError
 from slip_msgs_py.stop_flag import end_with, ending
 from slip_vic.run.lock import locked
@@ -24,6 +26,7 @@ from slip_vic.run.versions import digest, versions
 
 MODULES: Final = ("slip_core.poses", "slip_vic_controller.session.session", "slip_sim_bridge.session")
 """These import all modules with compiled formulas."""
+FOLDER: Final = Path(slip_vic_controller.__path__[0])
 LONGEST: Final = "slip_vic_controller.cycle.cycle"
 CYCLE_S: Final = 56.0
 """How long that takes, on a core of 2.1 GHz; what is left of it is estimated from it [s]."""
@@ -33,25 +36,22 @@ BESIDE: Final = ("slip_sim_bridge.session", "slip_vic_controller.session.arrival
 
 @functools.cache
 def prepare() -> None:
-    """Import and compile everything that a case runs; one process of a machine compiles while the others wait.
+    """Import everything that a case runs, and compile it where the installation carries no machine code.
 
-    What was compiled is noted beside the user's other caches, so that workers that come later do not wait for each
-    other. The note names the folder of the machine code, and is ignored if that is gone.
+    One process of a machine compiles while the others wait. What was compiled is noted beside the user's other caches,
+    so that workers that come later do not wait for each other. The note names the folder of the machine code, and is
+    ignored if that is gone.
     """
-    from slip_core.compiled import (  # numba takes a second to load: only where something compiles
-        make_folder,
-        user_cache,
-    )
-
     cache = user_cache()
     make_folder(cache)
-    note = cache / f"compiled-{digest([repr((sorted(versions().items()), _processor())).encode()])}"
     if os.environ.get("NUMBA_DISABLE_JIT") == "1":
         return
     with ending(_interrupted):  # no handler of Python runs inside the compiler
-        with locked(note.with_suffix(".lock"), _waits):
-            if not (note.exists() and Path(note.read_text(encoding="utf-8")).is_dir()):
-                note.write_text(_compile_in_two(), encoding="utf-8")
+        if not library_path(FOLDER).exists():
+            note = cache / f"compiled-{digest([repr((sorted(versions().items()), _processor())).encode()])}"
+            with locked(note.with_suffix(".lock"), _waits):
+                if not (note.exists() and Path(note.read_text(encoding="utf-8")).is_dir()):
+                    note.write_text(_compile_in_two(), encoding="utf-8")
         _compile(MODULES)
 
 
@@ -71,9 +71,9 @@ def _compile_in_two() -> str:
     program = f"from {__name__} import compile_beside; compile_beside({os.getpid()})"
     # A session of its own: Ctrl-C reaches this process alone.
     with subprocess.Popen([sys.executable, "-c", program], stdin=subprocess.DEVNULL, start_new_session=True), _shown():
-        longest = importlib.import_module(LONGEST)
+        importlib.import_module(LONGEST)
     _compile(MODULES)  # whatever the other one has not
-    return str(importlib.import_module("slip_core.compiled").code_folder(Path(str(longest.__file__)).parents[1]))
+    return str(code_folder(FOLDER))
 
 
 @contextlib.contextmanager

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from slip_core.arrays import Array
 from slip_core.errors import InputError
+from slip_core.vectors import interpreted
 from slip_sim_bridge.params import BridgeParams
 from slip_vic_controller.law.torque import given_axes
 from slip_vic_controller.params.controller_params import ControllerParams, SingularityParams, TrajectoryParams
@@ -52,7 +53,7 @@ class Way(NamedTuple):
 def axes_of(J: Array, least: float) -> Array:
     """Return which axes of the pad (6,) an arm with the Jacobian J (6, n) gives; least: as in `given_axes`."""
     given = np.ones(6, np.int64)
-    given_axes(np.ascontiguousarray(J), least, given)
+    interpreted(given_axes)(np.ascontiguousarray(J), least, given)
     return given == 1
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from slip_core.arrays import Array, product, riccati, solve
 from slip_core.errors import InputError
 from slip_core.records import new, record
+from slip_core.vectors import interpreted
 from slip_vic_controller.arm.estimator import (
     BIAS,
     DIFFERENCE,
@@ -80,7 +81,7 @@ class SteadyState(NamedTuple):
 
 def predict(tuning: Tuning, P: Array, ticks: int) -> tuple[Array, Array]:
     """Return F of (q, v, d) over a number of control periods, and a covariance P after them; (3, 3), (3, 3)."""
-    step, over = transition(tuning.bandwidth, tuning.period), np.eye(3)
+    step, over = interpreted(transition)(tuning.bandwidth, tuning.period), np.eye(3)
     F = np.array([[1.0, step.qv, step.qd], [0.0, step.vv, step.vd], [0.0, 0.0, 1.0]])
     white = MODEL_NOISE * np.array([step.qd, step.vd, 0.0])
     Q = np.outer(white, white) + np.diag([0.0, 0.0, tuning.drift**2 * tuning.period])
@@ -130,7 +131,7 @@ def with_measured_noise(params: ControllerParams, tare: Tare) -> ControllerParam
     """
 
     def spread(mean: Mean) -> Array:
-        return np.array([deviation(mean, k) for k in range(MAX_JOINTS)])
+        return np.array([interpreted(deviation)(mean, k) for k in range(MAX_JOINTS)])
 
     velocity = spread(tare.velocity) if tare.done else spread(tare.change) / math.sqrt(2.0 / tuning_of(params).ticks)
     found = {"joint_sensor": {"noise_velocity": max(velocity.max(), LEAST_VELOCITY)}}

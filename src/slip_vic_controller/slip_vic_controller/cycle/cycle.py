@@ -144,7 +144,7 @@ def end_cycle(c: ArmCycle) -> None:
     ledger[at + 3] = health.joint | health.wrench << 8 | health.slip << 16 | health.outside << 24
 
 
-@kernel(INT(IN1, OUT1, OUT1))
+@kernel(INT, IN1, OUT1, OUT1)
 def cycle(config_buffer: Array, state_buffer: Array, exchange: Array) -> int:
     """Answer the joint states that wait for it; return which arms have a command: 1 for the first, 2, 4, ...
 
@@ -200,7 +200,7 @@ def cycle(config_buffer: Array, state_buffer: Array, exchange: Array) -> int:
     return answered
 
 
-@kernel(VOID(IN1, IN1, IN1, OUT1))
+@kernel(VOID, IN1, IN1, IN1, OUT1)
 def describe(config_buffer: Array, inputs_buffer: Array, outputs_buffer: Array, symbols_buffer: Array) -> None:
     """Fill the SYMBOLS of an arm's cycle, when something looks at them.
 

@@ -36,7 +36,7 @@ class DesiredMotion(Record):
     acceleration: Vec6  # m/s^2, rad/s^2, a_d
 
 
-@kernel(VOID(IN1, IN1, IN2_F, IN1, IN1, IN1, IN1, IN1, IN2_F, IN1, IN1, IN2_F, OUT1))
+@kernel(VOID, IN1, IN1, IN2_F, IN1, IN1, IN1, IN1, IN1, IN2_F, IN1, IN1, IN2_F, OUT1)
 def gather(
     qd: Array, placement: Array, R_joint: Array, p_joint: Array, v: Array, w: Array, a: Array, dw: Array,
     J_world: Array, nle: Array, gravity: Array, M: Array, arm: Array,

@@ -60,7 +60,7 @@ class GainReport(NamedTuple):
         return all(condition.holds for condition in self.conditions)
 
 
-@kernel(REAL(INT, INT))
+@kernel(REAL, INT, INT)
 def held_sample_limit(held: int, delay: int) -> float:
     """Return the largest stable k_s T for a sample every `held` ticks that is `delay` ticks old when it arrives.
 
@@ -98,7 +98,7 @@ DRIVE_SHARE = 0.25
 """Of that bound, with estimated joints: with the lag of the drives in tau, two pads oscillate from 0.65 on."""
 
 
-@kernel(REAL(REAL, REAL, REAL))
+@kernel(REAL, REAL, REAL, REAL)
 def internal_gain_limit(inertia: float, stiffness: float, delay_s: float) -> float:
     """Return the largest kappa with which yielding to the internal wrench does not oscillate, with a margin.
 

@@ -307,7 +307,7 @@ def put_quintic(c: Array, h: float, begin: tuple[float, float, float], end: tupl
     c[3], c[4], c[5] = quintic(h, end[0] - p, v, a, end[1], end[2])
 
 
-@kernel(VOID(OUT1, IN2, IN2, IN2))
+@kernel(VOID, OUT1, IN2, IN2, IN2)
 def join(path: Array, values: Array, rates: Array, rate_rates: Array) -> None:
     """Write the quintics between the knots of a PATH; points (k, 6) and their two rates."""
     shape = record(path, PATH)
@@ -318,7 +318,7 @@ def join(path: Array, values: Array, rates: Array, rate_rates: Array) -> None:
             put_quintic(shape.polynomial[i, k], shape.knot[i + 1] - shape.knot[i], begin, end)
 
 
-@kernel(VOID(IN1, IN1, OUT2))
+@kernel(VOID, IN1, IN1, OUT2)
 def sample_path(path: Array, times: Array, out: Array) -> None:
     """Write displacement and rotation vector at times (k,) [s] of a PATH to `out` (k, 6) [m, rad] {w}."""
     shape = record(path, PATH)

@@ -35,7 +35,7 @@ def held_object(config: GovernorConfig, memory: Any) -> Held:
     return Held(memory.mass, mat(memory.inertia), vec(memory.r), weights, gravity, ALONE)
 
 
-@kernel(VOID(IN1, OUT1, IN2))
+@kernel(VOID, IN1, OUT1, IN2)
 def plan_timing(config: Array, memory: Array, motion: Array) -> None:
     """Plan a path, with the object at rest at its start.
 
@@ -59,7 +59,7 @@ def plan_timing(config: Array, memory: Array, motion: Array) -> None:
     governor.plan(c, m.governor, m.grid)
 
 
-@kernel(VOID(IN1, OUT1, IN2, IN1, IN1, REAL))
+@kernel(VOID, IN1, OUT1, IN2, IN1, IN1, REAL)
 def step_timing(
     config: Array, memory: Array, rotation: Array, twist: Array, acceleration: Array, dt: float
 ) -> None:  # fmt: skip
@@ -77,7 +77,7 @@ def step_timing(
     governor.run(c, state, m.grid, held_object(c, m), point, pad, math.inf, dt)
 
 
-@kernel(VOID(IN1, OUT1, IN2, IN1, IN1, OUT1))
+@kernel(VOID, IN1, OUT1, IN2, IN1, IN1, OUT1)
 def time_derivatives(
     config: Array, memory: Array, rotation: Array, twist: Array, acceleration: Array, out: Array
 ) -> None:

@@ -21,7 +21,7 @@ from slip_vic_controller.safety.validation import (
 from slip_vic_controller.state import ARM_STATE, CONFIG, INPUTS
 
 
-@kernel(INT(IN1, OUT1, INT, IN1, IN1, IN1, BOOL, INT, BOOL))
+@kernel(INT, IN1, OUT1, INT, IN1, IN1, IN1, BOOL, INT, BOOL)
 def receive_joint_state(
     config: Array, state: Array, stamp_ns: int, q: Array, qd: Array, effort: Array, refused: bool, now_ns: int,
     lockstep: bool,
@@ -54,7 +54,7 @@ def receive_joint_state(
     return fault
 
 
-@kernel(INT(IN1, OUT1, INT, INT, IN1, BOOL, INT))
+@kernel(INT, IN1, OUT1, INT, INT, IN1, BOOL, INT)
 def receive_wrench(
     config: Array, state: Array, contact: int, stamp_ns: int, wrench: Array, refused: bool, now_ns: int
 ) -> int:
@@ -63,7 +63,7 @@ def receive_wrench(
     return receive_vector(c.wrench, s.wrench_inputs[contact], stamp_ns, wrench, True, refused, now_ns, s.joint)
 
 
-@kernel(INT(IN1, OUT1, INT, INT, IN1, BOOL, BOOL, INT))
+@kernel(INT, IN1, OUT1, INT, INT, IN1, BOOL, BOOL, INT)
 def receive_slip(
     config: Array, state: Array, contact: int, stamp_ns: int, twist: Array, valid: bool, refused: bool, now_ns: int
 ) -> int:
@@ -80,14 +80,14 @@ def receive_slip(
     return fault
 
 
-@kernel(BOOL(IN1, OUT1, INT))
+@kernel(BOOL, IN1, OUT1, INT)
 def is_silent(config: Array, state: Array, now_ns: int) -> bool:
     """Return whether no good joint state has come for the age limit."""
     c, s = record(config, CONFIG), record(state, ARM_STATE)
     return bool(s.joint.known != 0 and now_ns - s.joint.arrival_ns > c.joint.age_ns)
 
 
-@kernel(BOOL(IN1, OUT1, OUT1, INT, INT, INT, INT))
+@kernel(BOOL, IN1, OUT1, OUT1, INT, INT, INT, INT)
 def begin_answer(
     config: Array, state: Array, inputs: Array, now_ns: int, request: int, missing: int, fault: int
 ) -> bool:
@@ -123,7 +123,7 @@ def begin_answer(
     return True
 
 
-@kernel(VOID(OUT1, IN1, INT))
+@kernel(VOID, OUT1, IN1, INT)
 def ramp_to(state: Array, target: Array, least_ns: int) -> None:
     """Let gains and payload ramp to others from the next cycle on.
 

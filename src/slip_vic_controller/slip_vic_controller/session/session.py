@@ -19,6 +19,7 @@ from slip_core.params import flatten
 from slip_core.records import place, record, records
 from slip_core.stamps import NS_PER_S, seconds_to_ns
 from slip_core.types import CartesianReference, DisplacementSample, JointSample, PoseGoal, SlipSample, WrenchSample
+from slip_core.vectors import interpreted
 from slip_vic_controller.arm.estimator import JointRecord
 from slip_vic_controller.config.controller import Controller, governed_stream, renew_config, use_noise
 from slip_vic_controller.config.joints import with_measured_noise
@@ -90,7 +91,7 @@ class Manifest(NamedTuple):
 
 # Looked up in every cycle, by number: to make an enum's member of one, or to hash it, takes longer.
 _MODES = tuple(Mode)
-_UNANSWERED = tuple(unanswered(fault) for fault in range(SAMPLE_FAULTS))
+_UNANSWERED = tuple(interpreted(unanswered)(fault) for fault in range(SAMPLE_FAULTS))
 _ARM = place(INPUTS, "arm")
 _COMMANDED = [place(ARM_STATE, name) for name in ("mode", "sent.effort", "sent.velocity")]
 _ANSWERS = [place(ARM_STATE, f"joint.answers.{name}").start for name in ("position", "velocity")]
