@@ -89,7 +89,6 @@ class Belief(Record):
     noise: Real  # N, standard deviation of l
     square: Real  # N^2, mean square of the changes of d
     product: Real  # N^2, mean product of those of d and l
-    scale: Real  # s
     needed: Real  # N, p
     count: Whole  # times that are kept
     stamps: Annotated[WholeArray, PAST]  # of them
@@ -105,10 +104,10 @@ def below(x: float) -> float:
 @part
 def start_belief(state: Belief, load: float, F: float) -> None:
     """Begin at rest with a load [N]; F: friction as configured at this grip [N]."""
-    state.sticks[:], state.slides[:], state.count = PRIOR / PRIORS, 0.0, 0
+    state.sticks[:], state.slides[:] = PRIOR / PRIORS, 0.0
     state.measured = state.commanded = state.drawn = state.carried = state.last = state.needed = load
     put_spatial(state.load, Spatial(Vec(load, 0.0, 0.0), ZERO))
-    state.noise, state.scale, state.square, state.product = BELIEF_TUNING.first_noise * F, 1.0, 0.0, 0.0
+    state.noise, state.square, state.product, state.count = BELIEF_TUNING.first_noise * F, 0.0, 0.0, 0
 
 
 @part
@@ -148,7 +147,7 @@ def model_load(state: Belief, load: Spatial, d: float, F: float, dt: float) -> t
     state.square += share * (x * x - state.square)
     state.product += share * (x * y - state.product)
     c = state.noise * state.noise + (t.known_scale * F) ** 2
-    s = state.scale = min(max((state.product + c) / (state.square + c), t.least_scale), t.most_scale)
+    s = min(max((state.product + c) / (state.square + c), t.least_scale), t.most_scale)
     share = stuck * (1.0 - math.exp(-dt / t.mean_s))
     state.measured += share * (state.carried - state.measured)
     state.commanded += share * (state.drawn - state.commanded)
@@ -162,8 +161,11 @@ def see_load(state: Belief, load: Spatial, d: float, F: float, dt: float) -> Non
 
     Implements: ours: the forward step of the hidden Markov model, then the likelihoods of l to the power dt / wrench_s.
     """
-    t, floor = BELIEF_TUNING, math.log(BELIEF_TUNING.least_likelihood)
-    k = math.exp(-t.slides_cells * t.step)
+    t, k, floor = (
+        BELIEF_TUNING,
+        math.exp(-BELIEF_TUNING.slides_cells * BELIEF_TUNING.step),
+        math.log(BELIEF_TUNING.least_likelihood),
+    )
     p, change = model_load(state, load, d, F, dt)
     carried, noise = state.carried, state.noise
     power = min(dt / t.wrench_s, 1.0)

@@ -147,7 +147,7 @@ def hold_on(c: ArmCycle, dt: float) -> None:
     config, task, state, pad = c.config, c.task, c.state, c.state.pad
     carries = load_to_hold(pad.belief, pad.commanded) + config.governor.friction.probe
     if task.governor.planned == 1:
-        carries += pad.belief.scale * load_ahead(task.grid, task.governor.time, config.grip.preview_s)
+        carries += load_ahead(task.grid, task.governor.time, config.grip.preview_s)
     pad.contact.F_risk = config.governor.friction.configured * certain_share(pad.belief, config.grip.risk)
     needed = carries * config.grip.nominal_force / pad.contact.F_risk
     squeeze(config.grip, state.grip, needed, sliding(pad.belief) > BELIEF_TUNING.slides, dt)

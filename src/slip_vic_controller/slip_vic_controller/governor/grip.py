@@ -1,8 +1,8 @@
 """The grip as a second output: squeeze only as hard as the load ahead needs.
 
-    N = (L + eps) / (mu r),   L = max(p, |l| - noise, 0.9 s d) + s times what the plan rises by within the preview
+    N = (L + eps) / (mu r),   L = max(p, |l| - noise, 0.9 d) + what the plan rises by within the preview
 
-mu: configured friction, r: the fraction of it that is certain by the belief; p, l, s, d: see `contact.belief`; eps: the
+mu: configured friction, r: the fraction of it that is certain by the belief; p, l, d: see `contact.belief`; eps: the
 load that is probed anyway. The command rises at once and falls slowly. While the object slides it only rises: the
 measured load falls then, and a squeeze that followed it would lose the object. The gripper is not measured, but
 modelled by a first-order lag and its smallest force for a command.
@@ -74,7 +74,7 @@ def load_ahead(grid: Records[GridPoint], time: float, preview_s: float) -> float
 def load_to_hold(belief: Belief, commanded: float) -> float:
     """Return the load to carry now [N]: never only the measured one, which falls in a slip."""
     tuning = BELIEF_TUNING
-    return max(belief.needed, belief.carried - tuning.counts * belief.noise, tuning.stands * belief.scale * commanded)
+    return max(belief.needed, belief.carried - tuning.counts * belief.noise, tuning.stands * commanded)
 
 
 @part
