@@ -1,8 +1,8 @@
-/* Kernels as functions of Python, which check their arguments as numba does: a wrong one is a TypeError.
+/* Kernels as Python functions, which check their arguments as numba does: a wrong one is a TypeError.
  *
- * kernels.h is made by wheel.py; of each kernel it has
+ * wheel.py writes kernels.h, with a line for each kernel:
  *   KERNEL(number, name, arguments, result, types, values)
- * arguments: four characters each, INT_, REAL, BOOL, or of an array f (float64) or i (int64), the number of its
+ * arguments: four characters each, INT_, REAL, BOOL, or for an array f (float64) or i (int64), the number of its
  * dimensions, C (by rows) or F (by columns), and w if it is written to, else r.
  */
 #define PY_SSIZE_T_CLEAN
@@ -30,7 +30,7 @@ static int take_array(const char *kind, PyObject *given, Value *value) {
   int of_kind = kind[0] == 'f' ? strcmp(format, "d") == 0 : strcmp(format, "l") == 0 || strcmp(format, "q") == 0;
   int fits = of_kind && view.itemsize == 8 && view.ndim == kind[1] - '0' && (uintptr_t)view.buf % 8 == 0;
   if (fits) *value = (Value){{view.buf}, view.shape[0], view.ndim > 1 ? view.shape[1] : 1};
-  PyBuffer_Release(&view); /* the caller holds the array, and the interpreter's lock keeps it as it is */
+  PyBuffer_Release(&view); /* the caller keeps the array alive, and the GIL keeps it unchanged */
   return fits;
 }
 

@@ -1,4 +1,4 @@
-"""Build the wheel, for x86-64 with machine code: its nodes start without numba and without compiling.
+"""Build the wheel, with machine code on x86-64: its nodes start without numba and without compiling.
 
 python tools/wheel.py FOLDER
 """
@@ -23,7 +23,7 @@ from slip_sim_bridge.friction import LAWS, friction_law
 from slip_sim_bridge.friction.params import FrictionParams
 from slip_sim_bridge.plant.elastic_step import elastic_step
 from slip_sim_bridge.plant.rigid_step import rigid_step
-from slip_vic.retime import timing as _timing  # noqa: F401  # it has kernels, as what `prepare` imports
+from slip_vic.retime import timing as _timing  # noqa: F401  # for its kernels, beside those that `prepare` imports
 from slip_vic.run.prepare import prepare
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -49,7 +49,7 @@ def build_kernels(path: Path, kernels: Mapping[str, Any]) -> None:
 
 
 def _entry(symbol: str, name: str, kernel: Any) -> tuple[str, str]:
-    """Return LLVM's text of a kernel behind pointers, sizes and numbers, and its line of kernels.h for wheel.c."""
+    """Return the LLVM assembly of a kernel with a C signature, and its line of kernels.h for wheel.c."""
     (signature,) = kernel.nopython_signatures
     kinds, passed, given = "", [], dict[str, str]()
     for k, kind in enumerate(signature.args):

@@ -1,8 +1,8 @@
-"""What is compiled, how it is marked, and where its machine code is: a wheel carries it, a clone makes and keeps it.
+"""What is compiled, how it is marked, and where machine code comes from: a wheel contains it, a clone caches it.
 
 What is compiled is what is read: the same functions run in Python with NUMBA_DISABLE_JIT=1, to the same bits.
 Arithmetic is strict IEEE (no fast-math, no fused operations, no linear algebra library), so results depend neither on
-the instruction set of the machine nor on who compiled. `compiler` calls numba; it is imported where something compiles.
+the instruction set nor on where the code was compiled. `compiler` calls numba and is imported only to compile.
 """
 
 from __future__ import annotations
@@ -42,16 +42,16 @@ INTERPRETED: Final = os.environ.get("NUMBA_DISABLE_JIT") == "1"
 KERNELS: Final[dict[Path, dict[str, Any]]] = {}
 """The kernels that numba has compiled, by the folder of their package and by name."""
 CARRIED: Final[dict[object, Callable[[], Any]]] = {}
-"""How numba compiles a kernel that the installation carries, for compiled code that calls it."""
+"""What compiles a kernel of the wheel's library with numba, for compiled code that calls it."""
 
 
 def kernel(result: str, *arguments: str) -> Callable[[F], F]:
-    """Return a decorator that gives the machine code of a function for these types when its module is imported.
+    """Return a decorator that replaces a function by its machine code for these types when its module is imported.
 
-    It is that of the library in the package's folder if the library was made of the same sources. Otherwise the
-    function is compiled, and its machine code kept in the user's cache folder under a name that changes with every
-    source it can depend on: a stale one is never used, and installations of the same sources share one. A folder that
-    another user can write to is not used either, because what lies there is run.
+    The code comes from the library in the package's folder if that was built from the same sources. Otherwise the
+    function is compiled and cached in the user's cache folder, under a name that changes with every source it can
+    depend on: stale code is never used, and installations of the same sources share it. A folder that another user can
+    write to is refused, because its content is executed.
     """
 
     def found(function: F) -> F:
@@ -75,7 +75,7 @@ def part(function: F) -> F:
 
 
 class Part:
-    """A function that kernels take in. Called from Python it works too, as a compiled function of its own."""
+    """A function that becomes part of the kernels that call it. Called from Python, it is compiled on its own."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         functools.update_wrapper(self, function)
@@ -95,15 +95,15 @@ class Part:
 
 
 def compiler() -> Any:
-    """Return the module that compiles: it takes a second to import."""
+    """Return the module that compiles, which takes a second to import."""
     return importlib.import_module("slip_core.compiler")
 
 
 @functools.cache
 def _library(package: Path) -> dict[str, Any]:
-    """Return the kernels that a package carries as machine code, by name: of these sources, for this libc or older."""
+    """Return the kernels in a package's library, by name; none if it has other sources or needs a newer libc."""
     with contextlib.suppress(ImportError):
-        if any(package.glob(f"{LIBRARY}-*.so")):  # a clone has none, and no need of a digest
+        if any(package.glob(f"{LIBRARY}-*.so")):  # a clone has none and needs no digest
             loader = ExtensionFileLoader(LIBRARY, str(library_path(package)))
             module = loader.create_module(ModuleSpec(LIBRARY, loader, origin=loader.path))
             loader.exec_module(module)
@@ -112,19 +112,19 @@ def _library(package: Path) -> dict[str, Any]:
 
 
 def library_path(package: Path) -> Path:
-    """Return where the library of a package's kernels is, if it has one: the name changes with all its sources."""
+    """Return the path of the library of a package's kernels, which may be absent; its name changes with the sources."""
     return package / f"{LIBRARY}-{platform.machine()}-{_digest(package)}.so"
 
 
 def _name(function: Callable[..., Any]) -> str:
-    """Return the name of a kernel: of its module, its own, and of what it is made for."""
+    """Return the name of a kernel: its module, its own name, and the names in its closure."""
     enclosed = (getattr(cell.cell_contents, "__name__", "") for cell in function.__closure__ or ())
     return " ".join((function.__module__, function.__qualname__, *enclosed)).strip()
 
 
 @functools.lru_cache
 def code_folder(package: Path) -> Path:
-    """Return the folder of what numba has compiled of a package: its name changes with Python, numba and sources."""
+    """Return the folder of a package's compiled code; its name changes with Python, numba and the sources."""
     made_of = f"{importlib.metadata.version('numba')} {sys.implementation.cache_tag} {_digest(package)}"
     folder = user_cache() / f"{package.name}-{hashlib.sha256(made_of.encode()).hexdigest()[:16]}"
     if not folder.exists():
@@ -149,7 +149,7 @@ def check_private(folder: Path, user: int) -> None:
 
 @functools.cache
 def _digest(package: Path) -> str:
-    """Return a digest of all modules that import this one, here or where imports lead, and of what they import."""
+    """Return a digest of the modules that import this one, here or in imported packages, and of their imports."""
     texts = _texts(package) | _texts(Path(__file__).parent)
     wanted, left = set[str](), _compiling(texts)
     while left:

@@ -1,9 +1,8 @@
 """The only module that calls numba: how kernels and parts, records, vectors and matrices are compiled.
 
-numba optimises every function, and makes machine code of it, before it is linked into its callers, which optimise it
-again. For a part both are lost work: in numba's own way a first start of controller and bridge compiles for 117 s, in
-this one, where a part is optimised only inside of the kernels that it becomes part of, for 73. The results of a kernel
-are the same, for its arithmetic is strict.
+numba optimises every function and generates its machine code before it links it into its callers, which are optimised
+again. For a part, that work is wasted. Here a part is optimised only inside the kernels that it becomes part of: the
+first start of controller and bridge compiles for 73 s instead of 117. Results are the same: arithmetic is strict.
 """
 
 from __future__ import annotations
@@ -34,11 +33,11 @@ from slip_core.records import record, records
 from slip_core.vectors import ALGEBRAS
 
 STRICT = {"error_model": "numpy", "fastmath": False}
-"""What keeps compiled results equal to those of Python, to the last bit."""
+"""Options that keep compiled results equal to those of Python, to the last bit."""
 
 
 def keep(function: Callable[..., Any], *signatures: str) -> Callable[..., Any]:
-    """Return a function compiled for a signature now, or for that of each first call; the machine code is kept."""
+    """Return a function compiled for these signatures now, else at each first call; its machine code is cached."""
     made: Any = numba.njit(**STRICT)(function)
     made._cache = _MachineCode(function)
     for signature in signatures:
@@ -47,9 +46,9 @@ def keep(function: Callable[..., Any], *signatures: str) -> Callable[..., Any]:
     return made
 
 
-@functools.cache  # numba's type of it does not keep it
+@functools.cache  # numba's type refers to it weakly
 def inlined(part: Callable[..., Any]) -> CPUDispatcher:
-    """Return a part as kernels take it in."""
+    """Return a part as its kernels compile it."""
     options = STRICT | {"nopython": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     return CPUDispatcher(part, targetoptions=options, pipeline_class=_PartCompiler)
 
@@ -96,7 +95,7 @@ class _MachineCode(NullCache):  # type: ignore[misc]
 
 
 class _PartLibrary(JITCodeLibrary):  # type: ignore[misc]
-    """The code of a part and of all that it calls, linked, but neither optimised nor made machine code."""
+    """The code of a part and of all that it calls, linked, but neither optimised nor compiled to machine code."""
 
     def finalize(self) -> None:
         self._raise_if_finalized()
@@ -116,7 +115,7 @@ class _PartLowering(NativeLowering):  # type: ignore[misc]
         state.flags.no_compile = True
         super().run_pass(state)
         lowered = state["cr"]
-        # numba finds the code of a callee by its entry for Python; a part has none: any function of C stands for it
+        # numba finds the code of a callee by its Python entry point; a part has none: a unique C function replaces it
         key: Any = [].append
         state.targetctx.insert_user_function(key, lowered.fndesc, [state.library])
         state.reload_init.extend(state.library._reload_init)
@@ -125,7 +124,7 @@ class _PartLowering(NativeLowering):  # type: ignore[misc]
 
 
 class _PartCompiler(CompilerBase):  # type: ignore[misc]
-    """numba's own way to compile a function, up to its machine code."""
+    """numba's pipeline, without the generation of machine code."""
 
     def define_pipelines(self) -> list[PassManager]:
         manager = DefaultPassBuilder.define_nopython_pipeline(self.state)
@@ -148,9 +147,9 @@ def _compiled_records(matrix, dtype):  # type: ignore[no-untyped-def]
 
 @intrinsic
 def _begin(_context, array):  # type: ignore[no-untyped-def]
-    """Return the address of an array: numba's own view of another dtype costs 0.15 us, as much as many parts.
+    """Return the address of an array: numba's own view of another dtype costs 0.15 us.
 
-    As with such a view, nothing keeps the buffer: it has to be an argument of the kernel.
+    As with such a view, nothing keeps the buffer alive: it must be an argument of the kernel.
     """
     if array.layout != "C":
         raise TypeError("records lie in contiguous buffers")
@@ -168,7 +167,7 @@ _METHODS: dict[str, dict[type | None, Callable[..., Any]]] = {}
 
 
 def _class_of(numba_type: object) -> type | None:
-    """Return the named tuple class of a type of the compiler, None where it is none."""
+    """Return the named tuple class of a numba type, None for any other type."""
     return getattr(numba_type, "instance_class", None)
 
 
@@ -208,7 +207,7 @@ def _register_operator(cls: type, name: str, method: Callable[..., Any]) -> None
 
 def _register_method(kind: type, name: str) -> None:
     table = _METHODS[name]
-    # The compiler asks a chooser with as many arguments as the method has.
+    # numba calls the chooser with as many arguments as the method has.
     if name in ("norm", "T"):
         overload_method(kind, name, strict=False)(lambda a: table.get(_class_of(a)))
     else:

@@ -39,7 +39,7 @@ class Topic:
 
 
 EVENTS = "/parameter_events"
-"""Of ROS: parameters that change while nodes run."""
+"""ROS's topic of parameter changes at run time."""
 _TABLE = (
     Topic("joint_states", "sensor_msgs/msg/JointState", "bridge", "joint positions [rad], velocities [rad/s], efforts [N m]"),
     Topic("wrench", "geometry_msgs/msg/WrenchStamped", "bridge", "wrench of the object on the robot at the pad centre [N, N m], pad axes"),

@@ -21,14 +21,14 @@ ALGEBRAS: list[type] = []
 
 
 def algebra(cls: T) -> T:
-    """Let the compiler know the operators and methods of a named tuple: it compiles the methods themselves."""
+    """Register the operators and methods of a named tuple for the compiler, which compiles the methods."""
     cls.__array_ufunc__ = None  # type: ignore[attr-defined]  # a numpy number times a Vec is a Vec, not an array
     ALGEBRAS.append(cls)
     return cls
 
 
 def interpreted(function: F) -> F:
-    """Return a part as Python runs it, to the same bits: for rare calls of nodes, which need no numba."""
+    """Return the Python function of a part, with the same bits: for rare calls, so that nodes do not import numba."""
     return cast(F, getattr(function, "py_func", function))
 
 

@@ -74,7 +74,7 @@ def slip_vic_is_silent(config: In, arm: Out, now_ns: int) -> int:
 
 
 def slip_vic_ramp_to(arm: Out, target: In, least_ns: int) -> None:
-    """Let gains and payload ramp to a SlipVic_LawGains from the next cycle on, in least_ns or longer for stability."""
+    """Ramp gains and payload to a SlipVic_LawGains from the next cycle on, in least_ns or longer for stability."""
     ramp_to(carray(arm, ARM_SIZE), carray(target, _GAINS), least_ns)
 
 

@@ -97,7 +97,7 @@ def words() -> str:
 
 
 def _parameters() -> Iterator[str]:
-    """Yield the table of the controller's parameters; the range is of a number, or of each in a list."""
+    """Yield the table of the controller's parameters; the range of a list is that of each number in it."""
     fields = "const char *name, *description, *unit, *constraint; int live; double least, most;"
     yield f"static const struct {{ {fields} }} slip_vic_parameters[] = {{"
     for info in parameter_infos(ControllerParams):

@@ -41,7 +41,7 @@ def build(folder: Path, cpu: str = "") -> None:
     """
     with tempfile.TemporaryDirectory(prefix="slip_vic_export_") as temporary:
         names = [*(function.__name__ for function in FUNCTIONS), "slip_vic_faults", "slip_vic_room_used"]
-        # A host that has Python or numba in it keeps its own names.
+        # A host process with Python or numba keeps its own symbols.
         whole = object_file(Path(temporary), map(assembly, FUNCTIONS), cpu, names)
         _call("ar", "rcs", folder / "libslip_vic.a", whole)
         library = folder / "libslip_vic.so"
@@ -71,7 +71,7 @@ def _call(*command: str | Path) -> None:
 
 
 def object_file(folder: Path, assemblies: Iterable[str], cpu: str, names: Sequence[str], *options: str) -> Path:
-    """Return an object file of functions in LLVM's text, and of what they need; it shows these names alone."""
+    """Return an object file of functions given as LLVM assembly, with their runtime; only `names` are exported."""
     code, runtime, whole = (folder / name for name in ("code.o", "runtime.o", "whole.o"))
     with resources.as_file(SOURCES / "c" / "runtime.c") as source:
         cc(*OPTIONS, *options, "-c", source, "-o", runtime)
@@ -99,7 +99,7 @@ def _target(cpu: str) -> Any:
 
 
 def assembly(function: Any) -> str:
-    """Return LLVM's text of a function under its own name; its annotations are of `_TYPES`."""
+    """Return the LLVM assembly of a function under its own name; its annotations are keys of `_TYPES`."""
     found = inspect.signature(function)
     signature = _TYPES[found.return_annotation](*(_TYPES[p.annotation] for p in found.parameters.values()))
     compiled = cfunc(signature, **STRICT)(function)

@@ -51,7 +51,7 @@ class ControllerConfig(Record):
     models_wrench: Whole  # whether there is no wrench sensor
     follows_stream: Whole  # whether the path is a governed stream of references
     follows_goals: Whole  # whether it leads from goal to goal
-    k_s_limit: Real  # 1/s; largest k_s in effect
+    k_s_limit: Real  # 1/s; upper bound of k_s in effect
     impedance_delay_s: Real  # for which a stiffness is judged
     fastest_rate: Real  # 1/s; largest D/M that the drives follow
     law: LawConfig

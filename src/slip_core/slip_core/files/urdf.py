@@ -35,11 +35,11 @@ PLACED = "placed_base"
 
 
 def parse_urdf(text: str, what: str = "robot_description") -> Element:
-    """Return the <robot> element of a URDF text, `what` in errors: the one door to each reader of it, and each library.
+    """Return the <robot> element of a URDF text, checked before anything else reads it; what: its name in errors.
 
     Raises:
         InputError: not XML, another format, entities or a document type, too large or too deep, no tree of links,
-            numbers of no robot, or xacro that was not expanded.
+            numbers beyond any robot, or xacro that was not expanded.
     """
     if len(text) > LARGEST:
         raise InputError(what, got=f"{len(text)} characters", expected=f"a URDF of at most {LARGEST}")
@@ -57,7 +57,7 @@ def parse_urdf(text: str, what: str = "robot_description") -> Element:
     if level:
         raise InputError(what, got=f"elements nested more than {NESTED} deep", expected="a URDF")
     if any("xacro" in element.tag or "${" in "".join(element.attrib.values()) for element in root.iter()):
-        fix = "name the file arm.xacro, and it is expanded"
+        fix = "rename the file to end in .xacro, so that it is expanded"
         raise InputError(what, got="xacro", expected="a URDF", fix=fix)
     base_of(root, what)
     for part in (*root.findall("link"), *root.findall("joint")):
@@ -66,7 +66,7 @@ def parse_urdf(text: str, what: str = "robot_description") -> Element:
 
 
 def _check_numbers(part: Element) -> None:
-    """Check that the places, masses, inertias and limits of a link or joint are numbers of a robot.
+    """Check that the numbers of a link or joint are finite, and not beyond any robot.
 
     Raises:
         InputError: with the name of the link or joint.
@@ -87,7 +87,7 @@ def _check_numbers(part: Element) -> None:
 
 
 def base_of(root: Element, what: str = "robot_description") -> str:
-    """Return the one link that no joint carries, from which joints lead to each other link; what: as in `parse_urdf`.
+    """Return the only link that no joint carries, from which joints lead to all others; what: as in `parse_urdf`.
 
     Raises:
         InputError: links that are no such tree, or one that is too deep.
@@ -104,7 +104,7 @@ def base_of(root: Element, what: str = "robot_description") -> str:
         raise InputError(what, got=f"more than {DEEPEST} joints in a row", expected="an arm")
     if len(bases) != 1 or sorted(reached) != sorted(links):
         expected = "one tree: a base, and one joint that carries each other link"
-        raise InputError(what, got=f"{len(links)} links that are none", expected=expected)
+        raise InputError(what, got=f"{len(links)} links that do not form one tree", expected=expected)
     return bases[0]
 
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:  # the fields are the same, whether ROS or a bag reader decode
 
 FLAG_UP = 0.5
 LEAST_NORM = 1e-6
-TURN = "turn the numbers to the pad's axes in the driver"
+TURN = "transform it to the pad's axes in the driver"
 
 
 def vector6(linear: Vector3, angular: Vector3) -> Array:
@@ -101,10 +101,10 @@ def stamp_of(message: JointState | WrenchStamped | TwistStamped | PoseStamped) -
 
 
 def check_frame(message: WrenchStamped | TwistStamped | PoseStamped, frame: str, fix: str = TURN) -> None:
-    """Check the frame of a stamped message, where it names one; fix: what sets `frame`.
+    """Check the frame of a stamped message, if it names one; fix: what to do about another.
 
     Raises:
-        InputError: another frame; nothing here knows how to turn it.
+        InputError: another frame, which cannot be transformed here.
     """
     if message.header.frame_id not in ("", frame):
         raise InputError("frame_id", got=message.header.frame_id, expected=frame, fix=fix)
@@ -127,7 +127,7 @@ def slip_velocity(message: TwistStamped, frame: str) -> SlipSample:
 
 
 def slip_displacement(message: PoseStamped, frame: str) -> DisplacementSample:
-    """Return a slip displacement in the axes of `frame`, invalid where not finite or the quaternion has no length.
+    """Return a slip displacement in the axes of `frame`, invalid if not finite or if its quaternion has no length.
 
     Raises as `check_frame` and `stamp_of` do.
     """

@@ -1,8 +1,8 @@
-/* What the compiled cycle expects of its surroundings: room for small temporary arrays, and nothing to raise.
+/* The runtime of the compiled cycle: memory for small temporary arrays, and functions for exceptions that never occur.
  *
- * numba keeps temporary arrays in counted blocks. Here they come from a fixed room of the calling thread, which is
- * given back when they are let go, at the end of a call at the latest: no heap, no lock. With HEAP, for Python, whose
- * kernels plan whole paths too, they come from the heap.
+ * numba keeps temporary arrays in reference-counted blocks. Here they come from a fixed buffer of the calling thread and
+ * are released at the end of a call at the latest: no heap, no lock. With HEAP they come from the heap: for the kernels
+ * in wheels, which also plan whole paths.
  */
 #include <assert.h>
 #include <stdalign.h>
@@ -11,7 +11,7 @@
 #include <stdint.h>
 #include <stdlib.h>
 
-#define ROOM 65536 /* bytes; the largest call needs a tenth, which a test holds */
+#define ROOM 65536 /* bytes; a test checks that the largest call needs less than a tenth */
 
 static _Atomic int64_t faults;
 
@@ -33,7 +33,7 @@ typedef struct MemInfo {
 } MemInfo;
 
 #ifdef HEAP
-enum { HEAD = 64 }; /* bytes before the numbers; a MemInfo is at their end */
+enum { HEAD = 64 }; /* bytes before the numbers, which end with the MemInfo */
 static_assert(sizeof(MemInfo) <= HEAD, "room for a MemInfo");
 
 MemInfo *NRT_MemInfo_alloc_aligned(size_t size, uint32_t align) {

@@ -6,7 +6,7 @@
 #include <thread>
 
 static const int64_t IDLE_NS = 20'000'000;
-static const std::chrono::milliseconds LINGER(200); /* for the answer of a shutdown to reach who asked */
+static const std::chrono::milliseconds LINGER(200); /* for the answer to a shutdown to be delivered */
 enum State : uint8_t { UNCONFIGURED = 1, INACTIVE, ACTIVE, FINALIZED }; /* numbers of lifecycle_msgs */
 static const char *const LABELS[] = {"unknown", "unconfigured", "inactive", "active", "finalized"};
 

@@ -15,8 +15,8 @@
 static const char *const HELP =
     "usage: slip_vic_node FOLDER [--ros-args [-r FROM:=TO]... [-p expected_subscribers:=N]]\n\n"
     "The controller of one arm, without Python: the topics and services of slip_vic_controller_node.\n"
-    "FOLDER is made by `slip-vic export`, with all parameters; gains and payload change while it runs, others by\n"
-    "another export.\n";
+    "FOLDER is written by `slip-vic export`, with all parameters. Gains and payload can be changed at run time;\n"
+    "for other parameters export again.\n";
 static const int64_t DELIVERY_NS = 2'000'000'000, HASTE_NS = 100'000'000;
 
 /* The wheels' rcl is linked with its Python bindings, which nothing calls here; elsewhere these two have no meaning. */
@@ -88,7 +88,7 @@ static int run(int count, char **words) {
   if (rcl_arguments_get_count_unparsed(&ros.context.global_arguments) > 1)
     throw InputError("slip_vic_node", "more arguments than a folder", "a folder, then --ros-args", "slip_vic_node --help");
   if (rcl_arguments_get_count_unparsed_ros(&ros.context.global_arguments) > 0)
-    throw InputError("--ros-args", "an argument that ROS has not", "-r FROM:=TO, -p expected_subscribers:=N");
+    throw InputError("--ros-args", "an unknown argument", "-r FROM:=TO, -p expected_subscribers:=N");
   take_overrides(ros.context.global_arguments, &settings);
   Lifecycle managed(ros, settings);
   prctl(PR_SET_TIMERSLACK, 1, 0, 0, 0);

@@ -19,12 +19,12 @@ class ControllerNode {
  public:
   ControllerNode(ros::Node &ros, const Settings &settings);
 
-  /* How many subscriptions and services it has, to be added to a wait set before a wait and handled after it. */
+  /* Numbers of its subscriptions and services: add them to a wait set before waiting, handle them after it. */
   size_t subscriptions() const { return inputs_.size(); }
   size_t services() const { return services_.size(); }
   void add_to(rcl_wait_set_t *set) const;
   void handle(const rcl_wait_set_t &set, size_t first_service);
-  /* Do what is due: the watchdog's cycle, a look at other nodes; return when something is due again, steady [ns]. */
+  /* Do what is due: the watchdog's cycle, a check for other nodes; return when it is due again, steady clock [ns]. */
   int64_t attend();
   void set_active(bool active);
   /* Publish that there is no command any more, and wait until subscribers have everything. */

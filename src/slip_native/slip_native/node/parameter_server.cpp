@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <chrono>
 
-/* A request may name every parameter once: longer ones would hold up the control cycle. */
+/* A request may name every parameter once: a longer one would delay the control cycle. */
 static size_t most() { return parameter_infos().size(); }
 
 static std::string text_of(const rosidl_runtime_c__String &from) { return {from.data, from.size}; }
@@ -36,7 +36,7 @@ static Value value_of(const rcl_interfaces__msg__ParameterValue &from) {
   }
 }
 
-/* Write a value to an empty message; the controller has parameters of these kinds. */
+/* Write a value to an empty message; the controller's parameters have these types only. */
 static void put(rcl_interfaces__msg__ParameterValue &to, const Value &value) {
   to.type = static_cast<uint8_t>(value.index());
   if (const auto *flag = std::get_if<bool>(&value)) to.bool_value = *flag;
@@ -67,7 +67,7 @@ static void describe(rcl_interfaces__msg__ParameterDescriptor &to, const Paramet
   }
 }
 
-/* Return the parameters that a request names; none where one is not known, as rclpy. */
+/* Return the parameters that a request names; none if one is unknown, as rclpy does. */
 static std::vector<const ParameterInfo *> named(const rosidl_runtime_c__String__Sequence &names) {
   std::vector<const ParameterInfo *> found;
   for (size_t k = 0; k < names.size && names.size <= most(); ++k) {
@@ -144,7 +144,7 @@ ParameterServer::ParameterServer(ros::Node &ros, Session &session, std::vector<s
       }));
 }
 
-/* Set parameters together; return why not, empty where they are set. */
+/* Set parameters together; return the reason of a refusal, empty if they are set. */
 std::string ParameterServer::set(const rcl_interfaces__msg__Parameter *given, size_t count) {
   Values values;
   for (size_t k = 0; k < count; ++k) values[text_of(given[k].name)] = value_of(given[k].value);

@@ -1,4 +1,4 @@
-/* The services of parameters, as every ROS node has them, and `/parameter_events`. */
+/* The parameter services that every ROS node has, and `/parameter_events`. */
 #pragma once
 
 #include <memory>
@@ -10,7 +10,7 @@
 
 class ParameterServer {
  public:
-  /* services: gets those of parameters. */
+  /* services: the parameter services are appended to it. */
   ParameterServer(ros::Node &ros, Session &session, std::vector<std::unique_ptr<ros::AnyService>> *services);
 
  private:

@@ -12,14 +12,14 @@
 
 #include "slip_vic_words.h"
 
-static const double LARGEST_M = 1.0;       /* of a contact's distance: grasp_params.py */
-static const double RELATIVE = 1e-6;       /* to the end of a range: rclpy */
+static const double LARGEST_M = 1.0;       /* of a contact from the centre of mass: grasp_params.py */
+static const double RELATIVE = 1e-6;       /* tolerance at the ends of a range, as in rclpy */
 static const double HOLD_DELAY_RAD = 0.46; /* DELAY of hold.py */
 static const int BISECTIONS = 60;          /* of sizes.py */
 static const char *const AXES[] = {"x", "y", "z", "rx", "ry", "rz"};
 static const char *const TYPES[] = {"NOT_SET",    "BOOL",          "INTEGER",      "DOUBLE",      "STRING",
                                     "BYTE_ARRAY", "BOOL_ARRAY",    "INTEGER_ARRAY", "DOUBLE_ARRAY", "STRING_ARRAY"};
-static const char *const AT_START[] = {"nullspace.", "singularity."}; /* live for ROS: before `configure` in Python */
+static const char *const AT_START[] = {"nullspace.", "singularity."}; /* settable for ROS, but not while the law runs */
 
 /* -- declarations ----------------------------------------------------------------------------------------------- */
 
@@ -109,7 +109,7 @@ const Value &Parameters::value(const std::string &name) const {
 
 /* -- changes ---------------------------------------------------------------------------------------------------- */
 
-/* Compare a value with the type and range that ROS knows of: in rclpy's order. */
+/* Check a value against the declared type and range, in rclpy's order. */
 void Parameters::check_one(const std::string &name, const Value &wanted) const {
   const ParameterInfo &info = *parameter_info(name);
   if (!info.live) throw Refused("Trying to set a read-only parameter: " + name + ".");
@@ -125,7 +125,7 @@ void Parameters::check_one(const std::string &name, const Value &wanted) const {
                   ", value: " + shown(*x));
 }
 
-/* Refuse an inertia that no body can have; six as in the parameter. */
+/* Refuse an inertia that no body can have; six: as in the parameter. */
 static void check_inertia(const std::vector<double> &six) {
   Eigen::Matrix3d J;
   J << six[0], six[3], six[4], six[3], six[1], six[5], six[4], six[5], six[2];
@@ -135,7 +135,7 @@ static void check_inertia(const std::vector<double> &six) {
                      "positive principal moments, each at most the sum of the other two");
 }
 
-/* As the declarations in controller_params.py, in their order: lists, then what they have to be together. */
+/* Check as controller_params.py does, in its order: each value, then whether they are consistent. */
 void Parameters::check_all(const std::string &node) const {
   const std::string of = node + ": parameter ";
   const auto beyond = [](double x, double most) { return !(std::abs(x) <= most); };
@@ -144,7 +144,7 @@ void Parameters::check_all(const std::string &node) const {
     for (const ParameterInfo &info : parameter_infos()) {
       const std::string name = info.name;
       if (!info.live || name.rfind(std::string(group) + ".", 0) != 0) continue;
-      if (const double *x = std::get_if<double>(&value(name))) { /* ROS's range has some play */
+      if (const double *x = std::get_if<double>(&value(name))) { /* ROS's range has a tolerance */
         if (*x < info.least || *x > info.most)
           throw InputError(of + name, shown(*x),
                            std::string(*x < info.least ? "greater" : "less") + " than or equal to " +
@@ -208,7 +208,7 @@ Parameters Parameters::changed(const Values &given, const std::string &node) con
 
 /* -- the numbers of the controller ------------------------------------------------------------------------------ */
 
-/* Return the delay [s] at which M s^2 + (D s + K) e^(-s T) loses its stability: bounds.py. */
+/* Return the delay [s] at which M s^2 + (D s + K) e^(-s T) becomes unstable: bounds.py. */
 static double delay_margin(double K, double D, double M) {
   const double ratio = K / M, rate = D / M;
   const double w = std::sqrt(0.5 * (rate * rate + std::hypot(rate * rate, 2.0 * ratio)));
@@ -250,7 +250,7 @@ static void fill_inertia(double (*J)[3], const std::vector<double> &six, double 
 }
 
 static SlipVic_LawGains law_gains(const Parameters &p, const SlipVic_ControllerConfig &config) {
-  SlipVic_LawGains made = config.gains; /* with the gravity that it has */
+  SlipVic_LawGains made = config.gains; /* keeps its gravity */
   SlipVic_Gains &gains = made.gains;
   const double on = p.text("controller") == "classical" ? 0.0 : 1.0;
   const bool bounded = p.text("gains.spin") == "bounded";
@@ -296,7 +296,7 @@ Tuning tune(const Parameters &now, const Parameters &wanted, const SlipVic_Contr
     const double moved = made.positions[j] - now.numbers("contacts.position")[j];
     squares += moved * moved;
   }
-  /* The object seems to move as its contact is shifted, and the law follows it. */
+  /* Shifting the contact seems to move the object, and the law follows it. */
   const double least_s = std::max(wanted.number("gains.ramp_s"), std::sqrt(squares) / wanted.number("safety.limits.speed_linear"));
   made.least_ns = std::llrint(1e9 * least_s);
   made.other_object = wanted.value("object.mass") != now.value("object.mass") ||

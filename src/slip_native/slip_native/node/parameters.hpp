@@ -1,4 +1,4 @@
-/* The controller's parameters: which there are, their values, and which changes are taken while the law runs. */
+/* The controller's parameters: declarations, values, and the changes that are accepted while the law runs. */
 #pragma once
 
 #include <cstdint>
@@ -15,7 +15,7 @@ using Value = std::variant<std::monostate, bool, int64_t, double, std::string, s
                            std::vector<int64_t>, std::vector<double>, std::vector<std::string>>;
 using Values = std::map<std::string, Value>;
 
-/* What is declared of a parameter; least, most: of a number, or of each in a list. */
+/* Declaration of a parameter; least, most: range of a number, or of each in a list. */
 struct ParameterInfo {
   const char *name, *description, *unit, *constraint;
   bool live;
@@ -47,8 +47,8 @@ class Parameters {
   }
   const Value &value(const std::string &name) const; /* an empty list where the file has none */
 
-  /* Return these parameters with others, checked one by one and together; node: named by errors. Throws Refused for
-     what rclpy refuses, InputError for what the controller does. */
+  /* Return these parameters with changes, checked one by one and together; node: its name in errors. Throws Refused
+     for what rclpy refuses, InputError for what the controller refuses. */
   Parameters changed(const Values &given, const std::string &node) const;
   bool operator==(const Parameters &other) const { return values_ == other.values_; }
 
@@ -67,7 +67,7 @@ class Parameters {
   Values values_;
 };
 
-/* What the controller makes of parameters that have changed while it runs. */
+/* What the controller derives from parameters that are changed while it runs. */
 struct Tuning {
   SlipVic_LawGains gains;
   SlipVic_HoldConfig hold;
@@ -75,5 +75,5 @@ struct Tuning {
   int64_t least_ns;              /* shortest ramp */
   bool other_object;
 };
-/* Return it, or throw InputError where the gains are not accepted: gains.py and _fill_hold. */
+/* Return it, as gains.py and _fill_hold do; throws InputError if the gains are not accepted. */
 Tuning tune(const Parameters &now, const Parameters &wanted, const SlipVic_ControllerConfig &config);

@@ -303,7 +303,7 @@ class AnyService {
   Node &node_;
 };
 
-/* Answers every request by `answer(request, response)`, where the response is empty. */
+/* Answers every request with `answer(request, response)`; the response is empty at first. */
 template <class Kind, class Answer>
 class Service final : public AnyService {
  public:
@@ -315,7 +315,7 @@ class Service final : public AnyService {
       Message<typename Kind::Response> response;
       if (rcl_take_request(&service, &id, &*request) != RCL_RET_OK) break;
       answer_(*request, *response);
-      ignore(rcl_send_response(&service, &id, &*response)); /* who asked has gone */
+      ignore(rcl_send_response(&service, &id, &*response)); /* the client may have gone */
     }
     rcl_reset_error();
   }

@@ -28,10 +28,10 @@ class JointReader {
 /* Throw where a message names another frame. */
 void check_frame(const std_msgs__msg__Header &header, const std::string &frame);
 
-/* A slip flag as six ones or zeros; false where nothing is known. */
+/* A slip flag as six ones or zeros; false if it is unknown. */
 bool read_flag(const sensor_msgs__msg__JointState &message, double *six);
 
-/* A slip displacement; false where it is none. */
+/* A slip displacement; false if it is invalid. */
 bool read_displacement(const geometry_msgs__msg__PoseStamped &message, SlipVic_Pose *pose);
 
 /* The only point of a reference, or of a goal, in {w}. */

@@ -24,18 +24,18 @@ class Session {
   void add_joint(const JointSample &sample, int64_t now_ns);
   void add_wrench(int contact, int64_t stamp_ns, const double *six, int64_t now_ns);
   void add_slip(int contact, int64_t stamp_ns, const double *six, bool valid, int64_t now_ns);
-  /* Take a slip displacement, nullptr where it is invalid: from the second one on it gives slip velocities. */
+  /* Take a slip displacement, nullptr if it is invalid: each one after the first gives a slip velocity. */
   void add_displacement(int contact, int64_t stamp_ns, const SlipVic_Pose *pose, int64_t now_ns);
   /* Take the bridge's list of what belongs to a cycle: tick, sec, nanosec, then counts; false where it is none. */
   bool add_manifest(const int64_t *numbers, size_t count);
   /* Take who else publishes: a SlipVic_Reason. */
   void set_outside(int64_t reason) { arm_->outside = reason; }
   void request(int64_t request) { request_ = request; }
-  /* Begin again, or answer without effort until then; a fault stays. */
+  /* Start the law again, or answer without commands until it is started; a fault stays. */
   void set_active(bool active) { active_ = active, arm_->law.known = 0; }
   bool active() const { return active_; }
-  /* Take changed parameters, which ramp from the next cycle on; throws Refused or InputError, and changes nothing then.
-     node: named by errors. */
+  /* Take changed parameters, which ramp from the next cycle on; if it throws Refused or InputError, nothing changes.
+     node: its name in errors. */
   void set_parameters(const Values &given, const std::string &node);
   /* Take a reference, or a goal with its duration [s]. */
   void set_reference(const SlipVic_DesiredMotion &reference, int64_t stamp_ns);

@@ -178,7 +178,7 @@ def _changes(
         changed = {name.removeprefix(own): v for name, v in given.items() if name.startswith(own)}
         known, before = flatten(params), params
         params = build(ControllerParams, known | {k: v for k, v in changed.items() if k in known}, EVENTS)
-        if params != before:  # else no ramp begins
+        if params != before:  # otherwise no ramp starts
             changes.setdefault(int(np.searchsorted(ledger, message.publish_time_ns)), []).append(params)
     return changes
 

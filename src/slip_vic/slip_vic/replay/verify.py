@@ -126,7 +126,7 @@ class _Arm:
         return self.run.ledger[self.at] if self.at < len(self.run.ledger) else None
 
     def begin(self) -> LedgerEntry:
-        """Take parameters, references and goals that had come since the cycle before; return the entry of this one."""
+        """Take the parameters, references and goals since the previous cycle; return the entry of this one."""
         entry = self.run.ledger[self.at]
         for changed in self.run.changes.get(self.at, ()):
             params = [arm.tuned for arm in self._session.arms]

@@ -90,7 +90,7 @@ def certified(path: GivenPath, controller: ArmController, most_samples: int = MO
     Args:
         path: at rest at both ends.
         controller: governed, with one contact.
-        most_samples: that the motion may take.
+        most_samples: the most that the motion may have.
 
     Raises:
         InputError: friction cannot carry the weight, the path bends between the points of the grid, or it takes longer.

@@ -31,10 +31,10 @@ GOAL_PERIOD_S: Final = 0.02
 
 
 def run_retime(source: Path, choice: Choice, out: Path) -> Iterator[str]:
-    """Retime a path and write the results below `out`; yield what there is to say, a line each.
+    """Retime a path and write the results below `out`; yield the report, line by line.
 
-    A section takes its own time, slowed down where friction asks for it, or the fastest motion if that arrives earlier
-    and not before its own time.
+    A section keeps its own timing, slowed down where friction requires it. If the fastest motion arrives earlier, but
+    not before the section's own duration, it is used instead.
 
     Args:
         source: CSV file.
@@ -42,7 +42,7 @@ def run_retime(source: Path, choice: Choice, out: Path) -> Iterator[str]:
         out: folder.
 
     Raises:
-        InputError: a path that is none, or that friction cannot carry; a folder that cannot be written.
+        InputError: no path, one that friction cannot carry; a folder that cannot be written.
     """
     loaded = load(**choice)
     given = read_points(source, loaded.controller.joint_names)
@@ -65,7 +65,7 @@ def run_retime(source: Path, choice: Choice, out: Path) -> Iterator[str]:
             except InputError:
                 if early:
                     raise
-        samples += found[len(samples) > 0 :]  # one begins where the one before has ended
+        samples += found[len(samples) > 0 :]  # a section begins where the previous one ended
         samples += [Sample(path, samples[-1].time, 0.0, 0.0)] * round(wait_s / params.control_period_s)
     motion = motion_of(samples, params.control_period_s)
     loads, margin = load_shares(params, motion), params.governor.margin

@@ -35,7 +35,7 @@ def retimed(path: GivenPath, config: Array, params: ControllerParams, most_sampl
         path: at rest at both ends.
         config: GOVERNOR_CONFIG, with the duration of the path.
         params: with the object, as it was grasped.
-        most_samples: more are an error.
+        most_samples: a motion with more is an error.
 
     Raises:
         InputError: friction cannot carry the weight somewhere on the path, or the path comes to no end.

@@ -29,18 +29,17 @@ MODULES: Final = ("slip_core.poses", "slip_vic_controller.session.session", "sli
 FOLDER: Final = Path(slip_vic_controller.__path__[0])
 LONGEST: Final = "slip_vic_controller.cycle.cycle"
 CYCLE_S: Final = 56.0
-"""How long that takes, on a core of 2.1 GHz; what is left of it is estimated from it [s]."""
+"""Duration of that on a core of 2.1 GHz [s]; the remaining time is estimated from it."""
 BESIDE: Final = ("slip_sim_bridge.session", "slip_vic_controller.session.arrival")
 """What a second process compiles while this one compiles the longest: 66 s instead of 86 on two cores."""
 
 
 @functools.cache
 def prepare() -> None:
-    """Import everything that a case runs, and compile it where the installation carries no machine code.
+    """Import everything that a run needs, and compile it if the installation contains no machine code.
 
-    One process of a machine compiles while the others wait. What was compiled is noted beside the user's other caches,
-    so that workers that come later do not wait for each other. The note names the folder of the machine code, and is
-    ignored if that is gone.
+    One process compiles while the others wait. A note in the user's cache names the folder of the machine code, so that
+    later processes do not wait for each other; it is ignored if that folder is gone.
     """
     cache = user_cache()
     make_folder(cache)
@@ -72,7 +71,7 @@ def _compile_in_two() -> str:
     # A session of its own: Ctrl-C reaches this process alone.
     with subprocess.Popen([sys.executable, "-c", program], stdin=subprocess.DEVNULL, start_new_session=True), _shown():
         importlib.import_module(LONGEST)
-    _compile(MODULES)  # whatever the other one has not
+    _compile(MODULES)  # what the other process has not compiled
     return str(code_folder(FOLDER))
 
 

@@ -37,7 +37,7 @@ def export(*, choice: Choice, cpu: str, out: Path) -> None:
     from slip_vic.scenarios.scenario import load
 
     loaded = load(**choice)
-    write_files(out, {})  # here, not after the minute
+    write_files(out, {})  # an unwritable folder fails here, before the minute of compiling
     click.echo("compiling the cycle for C, about a minute", err=True)
     library.build(out, cpu)
     write_files(out, {"slip_vic.h": header(), "slip_vic_words.h": words(), **library.sources()})
@@ -75,8 +75,8 @@ def write_node(scenario: Scenario, folder: Path) -> None:
 def write_run(scenario: Scenario, folder: Path) -> None:
     """Run a scenario in lockstep, and write run.bin; all numbers have 8 bytes.
 
-    run.bin: how many arms, rows of each observer, ticks, and numbers of the state; the first state; the ticks; the last
-    state. A tick: whether CONFIG follows, samples, a joint state of each arm, INPUTS of all arms and OUTPUTS of all.
+    run.bin: number of arms, of rows per observer, of ticks, and of values in the state; the first state; the ticks; the
+    last state. A tick: whether CONFIG follows, samples, a joint state, INPUTS and OUTPUTS of each arm.
     """
     from slip_vic.run.in_process import ClosedLoop, run_in_process
     from slip_vic_controller.interfaces import SlipFromDisplacement
@@ -93,7 +93,7 @@ def write_run(scenario: Scenario, folder: Path) -> None:
 
 
 def _tick(loop: ClosedLoop, tick: Tick, slips_of: Sequence[SlipFromDisplacement]) -> list[Array]:
-    """Return what arrived before a cycle, and what it was given and gave."""
+    """Return the samples before a cycle, its joint states, inputs and outputs."""
     samples, joints = [], []
     for arm, sent, slip_of in zip(loop.session.arms, tick.outputs.arms, slips_of, strict=True):
         slips = [(one.stamp_ns, one if isinstance(one, SlipSample) else slip_of(one)) for one in sent.slips]

@@ -230,7 +230,7 @@ def see_slip(state: Belief, stamp_ns: int, speed: float, band: float) -> None:
     """Update with a slip sample at its own stamp; its effect is propagated to the present.
 
     Args:
-        state: changed; with at least one time that is kept.
+        state: changed; contains at least one past cycle.
         stamp_ns: when it was measured.
         speed: |S v_s| [m/s], of a flag infinite or 0.
         band: speed that counts as slip [m/s].

@@ -14,7 +14,7 @@ from slip_core.records import Real, Record, Vec6, Whole
 _AXES = "Let the driver report the velocity of the pad relative to the object on the axes of `ee_frame`."
 _ONCE = "Let the driver publish each measurement once, with its own stamp."
 _UNITS = "Let the driver publish m/s and rad/s; else calibrate it."
-_WEIGH = "Pull the object by hand and watch `slip_velocity`; else `~/tare` at rest, or correct `object.mass`."
+_WEIGH = "Pull the object and watch `slip_velocity`; if it responds, `~/tare` at rest or correct `object.mass`."
 _STAMPS = "Stamp measurements when they are made; synchronise clocks (chrony, ptp); or set `slip_delay_s`."
 _AGAINST = "reads against the friction force: "
 
@@ -38,7 +38,7 @@ class SensorHealth(IntEnum):
 
     OK = 0
     SILENT = 1, "is silent"
-    READS_NOTHING = 2, "reads zero where the motion needs {value:.2f} N and the wrench shows {limit:.2f} N", _WEIGH
+    READS_NOTHING = 2, "reads zero, but the motion needs {value:.2f} N and the wrench shows {limit:.2f} N", _WEIGH
     X_INVERTED = 3, f"{_AGAINST}x is inverted", _AXES
     Y_INVERTED = 4, f"{_AGAINST}y is inverted", _AXES
     Z_INVERTED = 5, f"{_AGAINST}z is inverted", _AXES

@@ -157,8 +157,8 @@ def may_be_shear(
 ) -> bool:
     """Return whether a slip may be shear of the pads: back and forth, not far from where it began.
 
-    Soft pads shear with the rate of the load, whatever its size, and friction does not end far below what it has
-    carried. step: since the last sample [m].
+    Soft pads shear with the rate of the load, whatever its size, and friction does not fail far below a load that it
+    has carried. step: since the last sample [m].
     """
     way = spatial(state.way) + step
     put_spatial(state.way, way)

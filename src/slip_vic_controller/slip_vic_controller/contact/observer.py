@@ -349,7 +349,7 @@ def observe_slip(
     rerun(config, state, rows, row_at(state, rows, first - 1).axes, first)
     if count > 0:
         state.against = state.against + 1 if row_at(state, rows, first).contradicts else 0
-    if state.against == CONTRADICTIONS:  # the model is wrong then, and they are no outliers
+    if state.against == CONTRADICTIONS:  # then the model is wrong, and they are no outliers
         restart_from_sample(config, state, rows, first)
     state.significance = slip_significance(config, state)
     at_rest = is_confirmed(config, state, row_at(state, rows, state.rows - 1)) and state.significance < config.nis_stick

@@ -95,7 +95,7 @@ def lacks_load(
         stamp_ns: of this cycle.
         dt: since the cycle before [s].
     """
-    share = min(1.0 - math.exp(-dt / MEAN_S), SCATTERS)  # one sample, a step of an encoder, makes no lack
+    share = min(1.0 - math.exp(-dt / MEAN_S), SCATTERS)  # one sample, e.g. an encoder's step, is no lack
     need, load = spatial(state.needed), spatial(state.measured)
     need, load = need + share * (needed - need), load + share * (measured - load)
     put_spatial(state.needed, need)

@@ -65,7 +65,7 @@ from slip_vic_controller.state import ArmCycle, Arms, ArmState, ControllerConfig
 def tare(c: ArmCycle, arms: Arms, alone: bool) -> bool:
     """Read the sensors at rest in HOLD, and subtract the biases from the samples of this cycle.
 
-    Returns whether the object's weight was found, and is another than before. Other arguments as in `decide`.
+    Returns whether the object's weight was found and differs from before. Other arguments as in `decide`.
     """
     config, state, inputs = c.config, c.state, c.inputs
     tare, queue, mass_share = state.tare, state.queue, state.tare.mass_share
@@ -106,8 +106,8 @@ def tare(c: ArmCycle, arms: Arms, alone: bool) -> bool:
 def _wrench_at_rest(c: ArmCycle, arms: Arms) -> tuple[Spatial, Spatial]:
     """Return the object's wrench on the pad beyond that of the model, and that of the model [N, N m] {ee}.
 
-    Of several arms an equal share of the force that they show together, without torque: what is left of a single wrench
-    may be internal, since arms may press on each other.
+    Of several arms, an equal share of the total force, without torque: a single wrench may contain internal force,
+    because arms can press on each other.
     """
     config, state, R = c.config, c.state, mat(c.inputs.arm.rotation)
     expected, beyond, n = object_load(config.hold, R, R @ arm_of_load(config, state)), ZERO, len(arms.states)
@@ -120,7 +120,7 @@ def _wrench_at_rest(c: ArmCycle, arms: Arms) -> tuple[Spatial, Spatial]:
     return Spatial(R.T() @ ((1.0 / n) * beyond), ZERO), Spatial(expected.linear, ZERO)
 
 
-# -- what speaks against the law: where each condition of the table is found to be so -----------------
+# -- the conditions of the table: where each is tested ------------------------------------------------
 
 
 @part
@@ -142,7 +142,7 @@ def judge(config: ControllerConfig, task: TaskState, state: ArmState, health: He
 
 @part
 def find_faults(config: ControllerConfig, state: ArmState, health: Health, qd: Array, now_ns: int) -> None:
-    """Look for what must latch; qd: joint velocities (n,) [rad/s]."""
+    """Look for conditions that latch; qd: joint velocities (n,) [rad/s]."""
     rows = state.conditions
     _find_speeds(config, state, qd, now_ns)
     see_one_of(rows, Reason.VELOCITY.value, Reason.MOVED_IN_TARE.value, read_why(state.estimate.found), now_ns)

@@ -147,7 +147,7 @@ def gain_report(params: ControllerParams, *, refuse: bool = True) -> GainReport:
 
 
 def impedance_delay_s(params: ControllerParams) -> float:
-    """Return the delay [s] for which a stiffness is judged: a period, and what the prediction of the joints leaves."""
+    """Return the delay [s] for which a stiffness is judged: a period, and the lag that joint prediction leaves."""
     late_s = max(UNKNOWN_LAG * params.known_lag_s, LEAST_DELAY_S) if params.estimates_joints else 0.0
     return params.control_period_s + late_s
 
@@ -177,7 +177,7 @@ def fill_ramp(ramp: Ramp, start: LawGains, target: LawGains, begin_ns: int, leas
 
 @part
 def ramp_time(ramp: Ramp) -> float:
-    """Return the shortest time [s] in which the start may change into the target under the module's argument."""
+    """Return the shortest time [s] in which the start may change into the target, by the module's argument."""
     a, b, longest = ramp.start.gains, ramp.target.gains, 0.0
     for j in range(6):
         k_a, k_b = a.K_D[j] / a.M_D[j], b.K_D[j] / b.M_D[j]

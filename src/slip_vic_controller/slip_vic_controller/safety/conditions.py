@@ -144,7 +144,7 @@ class Reason(IntEnum):
     STOPPING = 61, "hold requested: coming to rest first", _DEGRADED
     SATURATED = 62, "efforts saturated", _DEGRADED, 0.1
     # which: the contact's SensorHealth of the slip sensor, with its numbers
-    SLIP_SENSOR = 68, "slip_velocity {mistake}: continuing without it", _DEGRADED
+    SLIP_SENSOR = 68, "slip_velocity {mistake}: relying on the wrench", _DEGRADED
     # value: load beyond that of the model [N]
     HAND = 69, "a hand pulls at the object: {value:.2f} N beyond its weight", _DEGRADED, 0.2
     OVERRUNS = 70, "friction is too low to stop on the path", _DEGRADED

@@ -1,4 +1,4 @@
-"""What happens when a sample arrives, which is validated and kept for the next cycle, and when gains do."""
+"""What happens between cycles: samples are validated and kept for the next cycle, and new gains start to ramp."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ def begin_answer(
 
 @kernel(VOID, OUT1, IN1, INT)
 def ramp_to(state: Array, target: Array, least_ns: int) -> None:
-    """Let gains and payload ramp to others from the next cycle on.
+    """Ramp gains and payload to a target from the next cycle on.
 
     Args:
         state: ARM_STATE; changed.

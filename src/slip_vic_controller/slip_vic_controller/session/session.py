@@ -247,12 +247,12 @@ class ArmSession:
         self._request = int(request)
 
     def ramp_to(self, params: ControllerParams, target: Array) -> None:
-        """Let gains and payload ramp to those of `params`, whose LAW_GAINS is `target`."""
+        """Ramp gains and payload to those of `params`; target: its LAW_GAINS."""
         moved = np.subtract(params.contacts.position[:3], self.tuned.contacts.position[:3])
-        # The object seems to move as its contact is shifted, and the law follows it.
+        # Shifting the contact seems to move the object, and the law follows it.
         least_s = max(params.gains.ramp_s, float(np.linalg.norm(moved)) / params.safety.limits.speed_linear)
         if params.object != self.tuned.object:
-            self.state.tare.mass_share = 0.0  # what a user gives counts
+            self.state.tare.mass_share = 0.0  # the user's mass replaces that of the tare
         ramp_to(self.row, target, seconds_to_ns(least_s))
         self._tuned = params
         self._session.configure(self.index, lambda config: renew_config(config, params))

@@ -22,9 +22,9 @@ AXES = {f"{sign}{name}": (-1.0 if sign else 1.0) * axis for name, axis in zip("x
 
 _FINGER = re.compile(r"finger|knuckle|jaw|thumb|hand_(index|little|middle|mrl|ring)", re.IGNORECASE)
 _GRIPPER = "gripper"
-"""Both the last link of an arm and what closes on it are called so."""
+"""In the names of an arm's last link and of the joints that close the hand."""
 _TURNS = re.compile(r"yaw|pitch|roll|rotat", re.IGNORECASE)
-"""How joints are named after the axis about which they turn a whole gripper."""
+"""In the names of joints that turn a whole gripper."""
 _TIP_NAMES = ("grasp", "tcp", "tool0", "eef", "end_effector", "ee_link", "tool", "flange", "hand", "ee")
 """How links at the end of an arm are called, the surest first."""
 _ALONG = 0.9
@@ -119,8 +119,8 @@ def _last_link(root: Element, locked: tuple[str, ...]) -> str:
 def fingers(root: Element) -> set[str]:
     """Return the moving joints that close a hand: named as fingers are, coupled with another, or side by side.
 
-    The joint that carries or turns a gripper is none: the gripper's own are named after it, or are between two of its
-    links, and carry no fingers.
+    The joint that carries or turns a gripper is not one of them. A gripper's own joints have its name, or connect two
+    of its links, and carry no fingers.
     """
     joints = {name: joint for name, joint in named(root, "joint").items() if joint.get("type") != "fixed"}
     carriers = {name: moving(chain(root, end_of(joint, "parent"))) for name, joint in joints.items()}

@@ -56,7 +56,7 @@ class Arm:
     """An arm that was read from a file.
 
     Args:
-        text: the URDF as it is distributed; name: of its file, in errors.
+        text: the URDF as distributed; name: its name in errors.
         link, approach, normal: of the hand; empty ones are found.
         reach: from the link's origin to the pad centre [m].
         locked: joints that stay somewhere: name -> position [rad, m].
