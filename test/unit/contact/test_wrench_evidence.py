@@ -91,6 +91,15 @@ def test_only_what_is_missing_along_the_load_counts(along: float, found: int) ->
     assert count == found
 
 
+@pytest.mark.parametrize(("bias", "first"), [(0.05, 0.2), (0.05, 0.0), (-0.05, 0.0)])
+def test_a_bias_that_has_shown_is_no_lack(bias: float, first: float) -> None:
+    """It adds to the load of one direction and lacks in the other, as in a motion that speeds up and brakes."""
+    e = evidence()
+    assert run(e, 1000, first, first + bias) == -1
+    assert run(e, 1000, -0.2 * np.sign(bias), (-0.2 + abs(bias)) * np.sign(bias)) == -1
+    assert run(e, 1000, -0.2 * np.sign(bias), -0.1 * np.sign(bias)) >= 0, "a slip lacks more"
+
+
 def test_the_slip_sensor_sees_it() -> None:
     e = evidence()
     carry(e, 0.2)

@@ -5,17 +5,20 @@ carries only its friction, which does not grow with the motion. So a load that s
 indicates slip, or a wrong mass. With means over MEAN_S of the measured load l and of the load that the pad's
 acceleration needs, u along mean l:
 
-    D = u . mean l(a_pad),   lack = (D - |mean l|) / max(D, LEAST_FRICTION F)
+    D = u . mean l(a_pad) + min(u . b, 0),   lack = (D - |mean l|) / max(D, LEAST_FRICTION F)
     S <- max(0, S + dt (lack - SCATTERS)),   a slip where S > LACKS_S      (cumulative sum: E. S. Page, 1954)
+
+b is the difference of the means, measured minus needed, from the last time when the measured load was the larger one:
+friction carries no more than the motion needs, so that was a bias of the wrench. It explains part of a lack.
 
 The command is not used: a blocked arm does not follow its commanded acceleration, and drives that overshoot make an
 object slide that their commands would carry. The needed load is projected on the measured one: noise of joint
 velocities enlarges the norm of a vector, but has zero mean in a component. While the observer finds slip, the whole
 lack counts: the observer has learnt the errors that SCATTERS allows for.
 
-Assumptions: one arm; mass and wrench accurate to SCATTERS (a tare ensures both if the weight is not in the slip plane).
-A wrong mass lowers friction only once, by its relative error, until a sufficient load has been carried in full. Loads
-below LEAST_FRICTION F are not judged: there a bias of the wrench may be all of the lack.
+Assumptions: one arm; mass and wrench accurate to SCATTERS beyond b (a tare ensures both if the weight is not in the
+slip plane). A wrong mass lowers friction only once, by its relative error, until a sufficient load has been carried in
+full. Loads below LEAST_FRICTION F are not judged: there a bias of the wrench may be all of the lack.
 """
 
 from __future__ import annotations
@@ -57,6 +60,7 @@ class WrenchEvidence(Record):
     twist: Vec6  # m/s, rad/s {w}; of the pad in the cycle before
     needed: Vec6  # N, mean on pad axes; what the pad's acceleration needs
     measured: Vec6  # N, mean on pad axes
+    surplus: Vec6  # N, b
     sum_s: Real  # S
     spent: Whole  # whether a slip was found, and no load that counts has been carried in full since
     unseen_ns: Whole  # since when the slip sensor has shown nothing of it, NEVER = it has
@@ -66,7 +70,7 @@ class WrenchEvidence(Record):
 def start_evidence(state: WrenchEvidence) -> None:
     """Start without load and slip."""
     state.begun, state.sum_s, state.spent, state.unseen_ns = 0, 0.0, 0, NEVER
-    state.twist[:], state.needed[:], state.measured[:] = 0.0, 0.0, 0.0
+    state.twist[:], state.needed[:], state.measured[:], state.surplus[:] = 0.0, 0.0, 0.0, 0.0
 
 
 @part
@@ -104,7 +108,12 @@ def lacks_load(
         state.sum_s, state.unseen_ns = 0.0, NEVER
         return False
     carried = math.sqrt(load.dot(load))
-    D = need.dot(load) / carried if carried > 0.0 else 0.0
+    D = 0.0
+    if carried > 0.0:
+        D = need.dot(load) / carried
+        if carried >= D:
+            put_spatial(state.surplus, load - need)
+        D += min(spatial(state.surplus).dot(load) / carried, 0.0)
     counts = max(D, LEAST_FRICTION * F)
     lack = (D - carried) / counts - (0.0 if found else SCATTERS)
     state.sum_s = min(max(state.sum_s + dt * lack, 0.0), 2.0 * LACKS_S)
