@@ -262,11 +262,8 @@ def test_excess_disturbance_is_a_finding() -> None:
 
     state, added = opposed(slow, 1500)
     assert added[2] == pytest.approx(-0.25 * 12.0, rel=1e-6)
-    assert (Reason(state.found.reason), state.found.which, state.found.limit) == (
-        Reason.DISTURBED,
-        2,
-        pytest.approx(3.0),
-    )
+    found = Reason(state.found.reason), state.found.which, state.found.limit
+    assert found == (Reason.DISTURBED, 2, pytest.approx(3.0))
     assert opposed(slow, 600)[0].found.reason == Reason.NONE
 
 

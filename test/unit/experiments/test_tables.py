@@ -6,11 +6,8 @@ import math
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import pytest
-
 from slip_vic.experiments.run import COLUMNS, METRICS, Row
-from slip_vic.experiments.tables import lines_of, median, tables_of, write_picture
+from slip_vic.experiments.tables import lines_of, tables_of, write_picture
 
 
 def row(sensor: str, law: str, outcome: str = "ok", slip_mm: float = 0.0, **more: Any) -> Row:
@@ -57,11 +54,6 @@ def test_no_law_looks_better_by_what_it_does_not_carry() -> None:
     assert [line[name] for name in ("carried", "lost", "short", "held", "late")] == ["2/5", "1", "1", "1", "1"]
     assert (line["slip [mm]"], line["arrives [s]"], line["peak [N]"]) == ("inf", "inf", "0.0001")
     assert next(lines_of(rows[:3]))["slip [mm]"] == "1"
-
-
-@pytest.mark.parametrize(("values", "found"), [([1.0, 2.0, 3.0], 2.0), ([1.0, math.inf], math.inf), ([4.0], 4.0)])
-def test_the_median_is_one_of_the_values(values: list[float], found: float) -> None:
-    assert median(np.array(values)) == found
 
 
 def test_picture_of_missing_numbers(tmp_path: Path) -> None:
