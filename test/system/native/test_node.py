@@ -289,7 +289,7 @@ def test_reference_and_goal_are_followed(
         "no number": (
             ("{folder}", "--ros-args", "-p", "expected_subscribers:=0"), "error: parameter expected_subscribers: got",
         ),
-        "no ROS argument": (("{folder}", "--ros-args", "--nonsense"), "error: --ros-args: got an argument"),
+        "no ROS argument": (("{folder}", "--ros-args", "--nonsense"), "error: --ros-args: got an unknown argument"),
         "cut state": (("{cut}",), "/state.bin: got 8 bytes, expected the state of one arm"),
         "several arms": (("{two}",), "got 2 arms, expected one"),
     }.values(),
