@@ -14,6 +14,7 @@ from slip_vic_controller.contact.observer import ROW_SIZE
 from slip_vic_controller.cycle.cycle import cycle, describe
 from slip_vic_controller.interfaces import mean_velocity
 from slip_vic_controller.law.arm import ARM, gather
+from slip_vic_controller.law.bounds import stiffness_limit
 from slip_vic_controller.law.gains import LAW_GAINS
 from slip_vic_controller.law.symbols import SYMBOLS
 from slip_vic_controller.session.arrival import (
@@ -124,6 +125,11 @@ def slip_vic_describe(config: In, inputs: In, outputs: In, symbols: Out) -> None
     describe(carray(config, CONFIG_SIZE), i, o, carray(symbols, _SYMBOLS))
 
 
+def slip_vic_stiffness_limit(damping: float, inertia: float, delay_s: float) -> float:
+    """Return the stiffness of an axis above which its impedance oscillates with a delay [N/m, N m/rad]."""
+    return stiffness_limit(damping, inertia, delay_s)
+
+
 FUNCTIONS = (
     slip_vic_receive_joint_state,
     slip_vic_receive_wrench,
@@ -131,6 +137,7 @@ FUNCTIONS = (
     slip_vic_mean_velocity,
     slip_vic_is_silent,
     slip_vic_ramp_to,
+    slip_vic_stiffness_limit,
     slip_vic_begin_answer,
     slip_vic_gather,
     slip_vic_cycle,

@@ -30,7 +30,7 @@ from slip_vic_controller.state import GOVERNED, ArmState, ControllerConfig, Cycl
 
 RECORDS = (ControllerConfig, TaskState, ArmState, Row, CycleInputs, CycleOutputs, Symbols)
 ENUMS: tuple[type[IntEnum], ...] = (Mode, Request, Missing, Reason, GoalPhase, Refusal)
-C_TYPES = {"In": "const void *", "Out": "void *", "int": "int64_t ", "None": "void "}
+C_TYPES = {"In": "const void *", "Out": "void *", "int": "int64_t ", "float": "double ", "None": "void "}
 """Of annotations; pointers without a type, because a buffer holds one record or several."""
 
 TOP = """\

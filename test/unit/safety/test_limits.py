@@ -68,7 +68,7 @@ def test_a_brake_only_takes_power() -> None:
 def largest_way_back(M: np.ndarray, qd: np.ndarray, late: int = 0) -> float:
     """Brake an arm with inertia M below its velocity limits; return how fast a joint turns back, of its first speed.
 
-    late: periods after which an effort is at work.
+    late: periods after which an effort acts.
     """
     T, first, effort, back = 1e-9 * LIMITS.period_ns, qd, np.zeros(N), 0.0
     step, moved, on_the_way = LIMITS.effort_rate * T, qd @ M @ qd / (qd @ qd), deque([np.zeros(N)] * late)

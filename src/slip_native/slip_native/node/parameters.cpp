@@ -15,7 +15,6 @@
 static const double LARGEST_M = 1.0;       /* of a contact from the centre of mass: grasp_params.py */
 static const double RELATIVE = 1e-6;       /* tolerance at the ends of a range, as in rclpy */
 static const double HOLD_DELAY_RAD = 0.46; /* DELAY of hold.py */
-static const int BISECTIONS = 60;          /* of sizes.py */
 static const char *const AXES[] = {"x", "y", "z", "rx", "ry", "rz"};
 static const char *const TYPES[] = {"NOT_SET",    "BOOL",          "INTEGER",      "DOUBLE",      "STRING",
                                     "BYTE_ARRAY", "BOOL_ARRAY",    "INTEGER_ARRAY", "DOUBLE_ARRAY", "STRING_ARRAY"};
@@ -208,22 +207,6 @@ Parameters Parameters::changed(const Values &given, const std::string &node) con
 
 /* -- the numbers of the controller ------------------------------------------------------------------------------ */
 
-/* Return the delay [s] at which M s^2 + (D s + K) e^(-s T) becomes unstable: bounds.py. */
-static double delay_margin(double K, double D, double M) {
-  const double ratio = K / M, rate = D / M;
-  const double w = std::sqrt(0.5 * (rate * rate + std::hypot(rate * rate, 2.0 * ratio)));
-  return std::atan2(w * rate, ratio) / w;
-}
-
-static double stiffness_limit(double D, double M, double delay_s) {
-  double low = 0.0, high = D / delay_s;
-  for (int k = 0; k < BISECTIONS; ++k) {
-    const double middle = 0.5 * (low + high);
-    (delay_margin(middle, D, M) > delay_s ? low : high) = middle;
-  }
-  return low;
-}
-
 static void judge(const SlipVic_Gains &gains, const std::vector<double> &damping, bool classical, double delay_s) {
   const auto refuse = [](const char *name, double got, const std::string &expected, const std::string &why) {
     throw InputError(std::string("parameter ") + name, brief("%g", got), expected, why);
@@ -234,7 +217,7 @@ static void judge(const SlipVic_Gains &gains, const std::vector<double> &damping
   if (!classical && gains.k_s < 1.0)
     refuse("gains.k_s", gains.k_s, "more than 1", "Prop. 2: k_s > 1/lambda_2 needs a lambda_2 below 1");
   for (int j = 0; j < 6; ++j) {
-    const double limit = stiffness_limit(gains.D_D[j], gains.M_D[j], delay_s);
+    const double limit = slip_vic_stiffness_limit(gains.D_D[j], gains.M_D[j], delay_s);
     if (limit / gains.K_D[j] < 1.0)
       refuse("gains.stiffness", gains.K_D[j], "at most " + brief("%.6g", limit),
              "with " + brief("%.3g", 1e3 * delay_s) +

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from slip_core.arrays import Array
-from slip_core.compiled import INT, REAL, kernel
+from slip_core.compiled import INT, REAL, kernel, part
 from slip_core.errors import InputError
 from slip_core.types import AXES
 from slip_vic_controller.sizes import BISECTIONS
@@ -112,6 +112,7 @@ def internal_gain_limit(inertia: float, stiffness: float, delay_s: float) -> flo
     return INTERNAL_BOUND * inertia / (stiffness * delay_s * delay_s)
 
 
+@part
 def delay_margin(stiffness: float, damping: float, inertia: float) -> float:
     """Return the delay [s] at which M s^2 + (D s + K) e^(-s T) loses its stability: phase margin over crossover.
 
@@ -122,6 +123,7 @@ def delay_margin(stiffness: float, damping: float, inertia: float) -> float:
     return math.atan2(w * rate, ratio) / w
 
 
+@kernel(REAL, REAL, REAL, REAL)
 def stiffness_limit(damping: float, inertia: float, delay_s: float) -> float:
     """Return the K [N/m, N m/rad] whose `delay_margin` is a delay [s]; 0 where the damping alone is unstable.
 

@@ -316,7 +316,7 @@ class Request(IntEnum):
     ENABLE = 1
     HOLD = 2
     RESET_FAULT = 3
-    TARE = 5  # read the sensors at rest again; not while the law is at work
+    TARE = 5  # read the sensors at rest again; not while the law is active
     FAILED = 4  # the node itself requests FAULT: one of its callbacks has failed
 
 

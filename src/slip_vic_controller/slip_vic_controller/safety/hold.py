@@ -63,7 +63,7 @@ def plausible_arm(configured: Vec, r_pad: Vec) -> Vec:
 def update_load_error(config: HoldConfig, state: Hold, arm: Arm, r_pad: Vec, measured: Spatial, dt: float) -> None:
     """Compute the correction of the modelled load from the measured wrench on the own pad [N, N m] {ee}.
 
-    Low-pass, as of the wrench's evidence, of what the model does not explain. Slow and bounded by the weight itself,
+    Low-pass, as in the wrench's evidence, of what the model does not explain. Slow and bounded by the weight itself,
     so that HOLD depends on the wrench no more than it must: an object that has slid while the arm came to rest pulls at
     another point than modelled, and the pads would yield and tilt.
 
