@@ -74,11 +74,11 @@ def chunk_records(chunk: Chunk) -> Iterator[McapRecord]:
     if len(content) != size:
         raise ValueError(f"chunk declares {size} bytes and holds {'more' if len(content) > size else len(content)}")
     at = 0
-    while at < size and room >= 0:
+    while at < size:
         at += 9 + int.from_bytes(content[at + 1 : at + 9], "little")
         room -= RECORD_BYTES
-    if room < 0:
-        raise ValueError("chunk with more records than memory may hold")
+        if room < 0:
+            raise ValueError("chunk with more records than memory may hold")
     yield from breakup_chunk(dataclasses.replace(chunk, compression="", data=content), validate_crc=True)
 
 

@@ -60,7 +60,7 @@ class Series(dict[str, NDArray[Any]]):
                 raise InputError(f"topic {topic}", got="more messages than memory may hold", expected="a shorter bag")
             times.append(tuple(numbers))
             rows.append(row)
-        table = np.array(times, dtype=np.int64).reshape(-1, 3)
+        table = np.array(times, dtype=np.int64).reshape(len(times), 3)
         order = np.argsort(table[:, 0], kind="stable")
         self.log_time_ns, self.publish_time_ns, self.sequence = _frozen(table[order]).T
         columns = zip(*(rows[index] for index in order), strict=True)
@@ -77,7 +77,7 @@ class Series(dict[str, NDArray[Any]]):
             InputError: the type has none.
         """
         for prefix in ("header.stamp.", "stamp.", "clock."):
-            if f"{prefix}sec" in self and f"{prefix}nanosec" in self:
+            if f"{prefix}sec" in self:
                 seconds = self[f"{prefix}sec"].astype(np.int64)
                 return _frozen(seconds * NS_PER_S + self[f"{prefix}nanosec"].astype(np.int64))
         raise InputError(f"topic {self.topic}", got="messages without a header", expected="stamped messages")

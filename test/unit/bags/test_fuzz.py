@@ -23,14 +23,11 @@ SETTINGS = settings(
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 POSITION = st.floats(0.0, 1.0, exclude_max=True)
-MUTATION = st.one_of(
-    st.tuples(st.just("flip"), POSITION, st.integers(0, 7)),
-    st.tuples(st.just("write"), POSITION, st.binary(min_size=1, max_size=16)),
-    st.tuples(st.just("number"), POSITION, st.sampled_from([0, 1, 2**31, 2**32 - 1, 2**63, 2**64 - 1])),
-    st.tuples(st.just("cut"), POSITION, st.none()),
-    st.tuples(st.just("insert"), POSITION, st.binary(min_size=1, max_size=16)),
-    st.tuples(st.just("remove"), POSITION, st.integers(1, 64)),
+NUMBERS = [number.to_bytes(8, "little") for number in (0, 1, 2**31, 2**32 - 1, 2**63, 2**64 - 1)]
+MUTATION = st.tuples(
+    POSITION, st.none() | st.integers(0, 64) | st.just(1 << 30), st.binary(max_size=16) | st.sampled_from(NUMBERS)
 )
+"""A place, how many bytes are left out there (None: as many as are put in), and bytes that are put in."""
 
 
 class Sample:
@@ -42,22 +39,9 @@ class Sample:
 
 def mutate(data: bytes, mutations: list) -> bytes:
     content = bytearray(data)
-    for kind, place, value in mutations:
+    for place, left_out, put in mutations:
         at = int(place * len(content))
-        if not content:
-            break
-        if kind == "flip":
-            content[at] ^= 1 << value
-        elif kind == "write":
-            content[at : at + len(value)] = value
-        elif kind == "number":
-            content[at : at + 8] = value.to_bytes(8, "little")
-        elif kind == "cut":
-            del content[at:]
-        elif kind == "insert":
-            content[at:at] = value
-        else:
-            del content[at : at + value]
+        content[at : at + (len(put) if left_out is None else left_out)] = put
     return bytes(content)
 
 

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import struct
+from collections.abc import Callable
+from operator import attrgetter
 from pathlib import Path
 
+import numpy as np
 import pytest
+from mcap.data_stream import RecordBuilder
 from mcap.reader import make_reader
-from mcap.records import Chunk
+from mcap.records import Chunk, Message
 from mcap.writer import CompressionType, IndexType, Writer
 
 from slip_bags import reader
@@ -18,7 +23,7 @@ from slip_bags.recorder import find_definition
 from slip_bags.recover import recover
 from slip_bags.writer import BagWriter, StorageError
 from slip_core.errors import InputError
-from test.support.bag_maker import START_NS, SUITE_TOPICS, encode, make_bag
+from test.support.bag_maker import START_NS, SUITE_TOPICS, encode, make_bag, random_message
 
 TWO = {"/a": "std_msgs/msg/String", "/b": "geometry_msgs/msg/WrenchStamped"}
 STRING = "std_msgs/msg/String"
@@ -35,7 +40,7 @@ def write_strings(path: Path, times: list[int], fill: bytes = b"", **writer_opti
         for index, time in enumerate(times):
             text = str(index).encode() + fill + b"\0"
             data = b"\0\1\0\0" + struct.pack("<I", len(text)) + text
-            writer.add_message(channel, time, data, time, index)
+            writer.add_message(channel, time, data, index, index)
         writer.finish()
 
 
@@ -65,12 +70,18 @@ def test_times_and_compressions(tmp_path, compression):
     assert (bag.message_count, bag.span_ns) == (50, (min(times), max(times)))
 
 
-def test_several_files_are_not_one_bag(tmp_path):
+def test_a_folder_with_no_or_several_files_is_no_bag(tmp_path):
+    """The first is one that is compressed as a whole."""
+    (tmp_path / "packed").mkdir()
+    (tmp_path / "packed" / "x_0.mcap.zstd").touch()
     make_bag(tmp_path / "bag", count=3, topics=TWO)
     write_strings(tmp_path / "bag" / "bag_1.mcap", [START_NS + 5])
     for action in (Bag, lambda path: recover(path, tmp_path / "out")):
-        with pytest.raises(InputError, match=r"got 2 MCAP files, .*ros2 bag convert"):
-            action(tmp_path / "bag")
+        for name, count in (("packed", 0), ("bag", 2)):
+            with pytest.raises(InputError, match=rf"got {count} MCAP files, .*ros2 bag convert"):
+                action(tmp_path / name)
+    with pytest.raises(InputError, match="No such file"):
+        Bag(tmp_path / "none")
     assert Bag(tmp_path / "bag" / "bag_1.mcap").message_count == 1
 
 
@@ -92,19 +103,63 @@ def test_file_without_summary_names_recover(tmp_path, options, is_read):
     assert bag.message_count == 2
 
 
-def test_a_chunk_of_more_records_than_memory_may_hold_is_refused(monkeypatch):
-    """Each is 9 bytes in the file, and an object in memory."""
-    monkeypatch.setattr(reader, "MAX_BYTES", 1000 * reader.RECORD_BYTES)
-    content = bytes(9 * 1000)
-    with pytest.raises(ValueError, match="more records than memory may hold"):
-        next(chunk_records(Chunk("", content, 0, 0, 0, len(content))))
+@pytest.fixture
+def least(monkeypatch) -> Callable[..., int]:
+    """Finds the least value of a bound with which an action is not refused."""
+
+    def found(module: object, name: str, action: Callable[[], object]) -> int:
+        low, high = 0, 1 << 30
+        with monkeypatch.context() as patch:
+            while high - low > 1:
+                middle = (low + high) // 2
+                patch.setattr(module, name, middle)
+                try:
+                    action()
+                    high = middle
+                except (InputError, ValueError, TypeError):
+                    low = middle
+        return high
+
+    return found
 
 
-def test_columns_of_more_than_memory_may_hold_are_refused(tmp_path, monkeypatch):
-    write_strings(tmp_path / "x", [START_NS] * 50, fill=b"x" * 50)
-    monkeypatch.setattr(series_module, "MAX_BYTES", 50 * 300)
-    with pytest.raises(InputError, match="more messages than memory may hold"):
-        Bag(tmp_path / "x").series("/a")
+def test_what_a_bag_may_take_of_memory(tmp_path, least):
+    """Channels, attachments, a message, the messages of a short bag, and columns, in which equal names count once."""
+    message = random_message("sensor_msgs/msg/JointState", np.random.default_rng(1), 2)
+    sizes = [len(encode(message))] * 50
+    with contextlib.closing(BagWriter(tmp_path / "bag", attachments={"a": bytes(5000), "b": bytes(4000)})) as writer:
+        writer.add_topic(TopicInfo("/a", "sensor_msgs/msg/JointState"), find_definition("sensor_msgs/msg/JointState"))
+        for number in range(len(sizes)):
+            writer.write("/a", number, number, number, encode(message))
+    bag = Bag(tmp_path / "bag")
+    with bag.file.open("rb") as file:
+        attached = sum(index.length for index in make_reader(file).get_summary().attachment_indexes)
+    value, names = next(bag.messages("/a")).value, bag.series("/a")["name"]
+    assert names[0] is names[-1]
+    assert set(bag.series("/a").dataframe()["velocity[1]"]) == {message.velocity[1]}
+    *once, shared = sorted(
+        (series_module._cell(attrgetter(path)(value)) for path in series_module._paths(value)),
+        key=lambda cell: isinstance(cell, list),
+    )
+    each = series_module._ROW_BYTES + sum(map(series_module._size, once)) + 8
+    columns = len(sizes) * each + series_module._size(shared) - 8
+    assert least(series_module, "MAX_BYTES", lambda: bag.series("/a")) == columns
+    assert least(reader, "MOST_CHANNELS", lambda: Bag(bag.path)) == 1
+    assert least(reader, "MAX_BYTES", lambda: Bag(bag.path)) == attached
+    assert least(reader, "MAX_DECODED", lambda: list(bag.messages("/a"))) == sizes[0]
+    assert least(reader, "MAX_BYTES", lambda: len(Bag(bag.path)._all)) == 2 * sum(
+        reader.RECORD_BYTES + n for n in sizes
+    )
+
+
+def test_what_a_chunk_may_take_of_memory(least):
+    """Its content, that of each record, and an object for each."""
+    builder = RecordBuilder()
+    for _ in range(1000):
+        Message(0, 0, b"\xff" * 9, 0, 0).write(builder)
+    data = builder.end()
+    whole = Chunk("", data, 0, 0, 0, len(data))
+    assert least(reader, "MAX_BYTES", lambda: list(chunk_records(whole))) == 2 * len(data) + 1000 * reader.RECORD_BYTES
 
 
 def test_times_beyond_int64_are_refused(tmp_path):
@@ -128,6 +183,10 @@ def test_two_channels_of_one_topic_are_one_topic(tmp_path):
     bag = Bag(tmp_path / "x.mcap")
     assert bag.topics["/a"].message_count == 2
     assert len(list(bag.raw())) == 2
+    bag = Bag(tmp_path / "x.mcap")
+    bag._channels.popitem()
+    with pytest.raises(InputError, match="of no channel"):
+        list(bag.raw())
 
 
 def test_custom_data_and_attachments_with_and_without_folder(tmp_path):
@@ -169,16 +228,6 @@ def test_bad_files_end_in_one_line(tmp_path, content, line):
     assert caught.value.exit_code == 2
 
 
-def test_folders_without_mcap_files(tmp_path):
-    """A bag of SQLite, or one that is compressed as a whole."""
-    with pytest.raises(InputError, match="No such file"):
-        Bag(tmp_path / "none")
-    (tmp_path / "x_0.mcap.zstd").touch()
-    for action in (Bag, lambda path: recover(path, tmp_path / "out")):
-        with pytest.raises(InputError, match="ros2 bag convert"):
-            action(tmp_path)
-
-
 def test_other_encodings_are_not_decoded(tmp_path):
     with (tmp_path / "x.mcap").open("wb") as file:
         writer = Writer(file)
@@ -208,19 +257,6 @@ def test_closed_writer_refuses(tmp_path):
     writer.close()
     with pytest.raises(StorageError, match="closed"):
         writer.write("/a", 1, 1, 1, b"")
-
-
-def test_huge_message(tmp_path):
-    """One message far larger than a chunk."""
-    writer = BagWriter(tmp_path / "bag")
-    writer.add_topic(TopicInfo("/a", STRING), TEXT)
-    size = 8 << 20
-    data = b"\0\1\0\0" + struct.pack("<I", size + 1) + b"x" * size + b"\0"
-    writer.write("/a", 1, 1, 1, data)
-    writer.close()
-    bag = Bag(tmp_path / "bag")
-    assert next(bag.raw()).value == data
-    assert len(bag.series("/a")["data"][0]) == size
 
 
 def test_two_readers_of_one_bag_do_not_disturb_each_other(tmp_path):

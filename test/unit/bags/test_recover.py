@@ -35,8 +35,7 @@ def digest(path: Path) -> dict[str, tuple[str, int]]:
 
 
 def messages(path: Path) -> list[BagMessage]:
-    bag = Bag(path)
-    return list(bag.raw())
+    return list(Bag(path).raw())
 
 
 @pytest.fixture(scope="module")

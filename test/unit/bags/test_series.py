@@ -7,7 +7,6 @@ import pytest
 
 from slip_bags.format import TopicInfo
 from slip_bags.reader import Bag
-from slip_bags.series import Series
 from slip_bags.writer import BagWriter
 from slip_core.errors import InputError
 from test.support.bag_maker import comparable, make_bag
@@ -16,14 +15,9 @@ CDR_STRING = b"\x00\x01\x00\x00\x02\x00\x00\x00a\x00"
 WRENCH = {"/w": "geometry_msgs/msg/WrenchStamped"}
 
 
-def read(path, topic: str) -> Series:
-    bag = Bag(path)
-    return bag.series(topic)
-
-
 def test_shapes_and_stamp(tmp_path):
     content = make_bag(tmp_path / "bag", count=20, topics=WRENCH)
-    series = read(tmp_path / "bag", "w")
+    series = Bag(tmp_path / "bag").series("w")
     stamps = [message.header.stamp.sec * 10**9 + message.header.stamp.nanosec for _, _, _, message in content["/w"]]
     assert series.stamps.tolist() == stamps
     assert series.log_time_ns.tolist() == [row[0] for row in content["/w"]]
@@ -51,6 +45,7 @@ def test_messages_and_columns_agree(tmp_path):
                 for name in path.split("."):
                     value = getattr(value, name)
                 assert comparable(cell) == comparable(value), (topic, path)
+    assert bag.series("/controller/reference_pose").columns("pose.position", "pose.orientation").shape == (10, 7)
 
 
 def refusal(folder, schema: str, data: bytes) -> None:
@@ -59,7 +54,7 @@ def refusal(folder, schema: str, data: bytes) -> None:
     writer.write("/x", 0, 0, 0, data)
     writer.close()
     with pytest.raises(InputError, match=r"message on /x|schema of /x|topic /x") as found:
-        read(folder, "x")
+        Bag(folder).series("x")
     assert "\n" not in str(found.value)
 
 

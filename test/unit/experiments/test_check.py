@@ -12,6 +12,8 @@ from slip_vic.cli import cli
 from slip_vic.scenarios.scenario import load
 from slip_vic_controller.config.controller import ArmController
 
+BRIEF = ("--mismatch", "none", "--set", "bridge.duration_s=0.05")
+
 
 def check(*words: str) -> tuple[int, str]:
     done = CliRunner().invoke(cli, ["check", *words])
@@ -56,14 +58,8 @@ def test_a_wrist_without_inertia_is_refused_before_it_moves(tmp_path: Path) -> N
     for name, value in (("i(xx|yy|zz)", "1e-7"), ("i(xy|xz|yz)", "0"), ("(mass value)", "1e-3")):
         wrist = re.sub(rf'{name}="[^"]*"', lambda found, to=value: found[0].split("=")[0] + f'="{to}"', wrist)
     (tmp_path / "light.urdf").write_text(before + of + wrist)
-    words = (
-        "--set",
-        arm := f"robot_description_file={tmp_path / 'light.urdf'}",
-        "--mismatch",
-        "none",
-        "--set",
-        "bridge.duration_s=0.05",
-    )
+    arm = f"robot_description_file={tmp_path / 'light.urdf'}"
+    words = ("--set", arm, *BRIEF)
     code, said = check(*words)
     assert code == 2
     assert "M_D over the inertia of arm_joint7 fails" in said
@@ -76,14 +72,11 @@ def test_a_wrist_without_inertia_is_refused_before_it_moves(tmp_path: Path) -> N
 
 
 def test_the_bound_on_k_s_and_the_exit_code() -> None:
-    arguments = ["check", "--sensor", "optical_flow_120", "--set", "controller.slip_estimator=measured"]
-    refused = CliRunner().invoke(cli, [*arguments, "--set", "controller.gains.k_s=0.5"])
-    assert refused.exit_code == 2
-    assert "fails" in refused.output
-    arguments += ["--mismatch", "none", "--set", "bridge.duration_s=0.05"]
-    done = CliRunner().invoke(cli, arguments)
-    assert (done.exit_code, "does not arrive" in done.output) == (1, True)
-    file = "config/paper_planar/controller_vic.yaml"
-    with_file = CliRunner().invoke(cli, ["check", "--params", str(Path(__file__).parents[3] / file), *arguments[1:]])
-    assert with_file.exit_code == 1
-    assert "54.8861" in with_file.output
+    words = ("--sensor", "optical_flow_120", "--set", "controller.slip_estimator=measured")
+    file = Path(__file__).parents[3] / "config/paper_planar/controller_vic.yaml"
+    for more, code, part in (
+        (("--set", "controller.gains.k_s=0.5"), 2, "fails"), (BRIEF, 1, "does not arrive"),
+        ((*BRIEF, "--params", str(file)), 1, "54.8861"),
+    ):  # fmt: skip
+        found, said = check(*words, *more)
+        assert (found, part in said) == (code, True), said

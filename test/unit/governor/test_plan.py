@@ -107,17 +107,21 @@ def test_bound_matches_conic_solver() -> None:
                 assert ours == pytest.approx(conic_bound(cp, G, first), rel=SOLVER)
 
 
+def point_of(l_u, l_x, l_c, cap):
+    point = blank(GridPoint)
+    point.uu, point.ux, point.uc = l_u @ l_u, l_u @ l_x, l_u @ l_c
+    point.xx, point.xc, point.cc = l_x @ l_x, l_x @ l_c, l_c @ l_c
+    point.cap = cap
+    return point
+
+
 def test_bound_admissible_near_weight() -> None:
     rng, bounds = np.random.default_rng(SEED), []
     for _ in range(500):
         l_u, l_x, l_c = (rng.normal(size=3) * 10.0 ** rng.uniform(-2.0, 2.0) for _ in range(3))
         F, way, after = 10.0 ** rng.uniform((-1.0, -4.0, -6.0), (1.0, 0.0, 2.0))
         l_c *= F * (1.0 - 10.0 ** rng.uniform(-14.0, -10.0)) / np.linalg.norm(l_c)
-        point = blank(GridPoint)
-        point.uu, point.ux, point.uc, point.xx, point.xc, point.cc = (
-            l_u @ l_u, l_u @ l_x, l_u @ l_c, l_x @ l_x, l_x @ l_c, l_c @ l_c
-        )  # fmt: skip
-        point.cap = 10.0 ** rng.uniform(-2.0, 2.0)
+        point = point_of(l_u, l_x, l_c, 10.0 ** rng.uniform(-2.0, 2.0))
         bounds.append(most(point, F, way, after))
         assert admissible(point, bounds[-1], F, 2.0 * way, after)
     assert min(bounds) < 1e-6 < max(bounds)
@@ -127,12 +131,7 @@ def a_point(rng):
     """A point of a path with some load, and l_u, l_x, l_c; the weight takes a part of F = 1 N."""
     l_u, l_x, l_c = (rng.normal(size=3) * 10.0 ** rng.uniform(-1.0, 1.0) for _ in range(3))
     l_c *= rng.uniform(0.1, 0.95) / np.linalg.norm(l_c)
-    point = blank(GridPoint)
-    point.uu, point.ux, point.uc, point.xx, point.xc, point.cc = (
-        l_u @ l_u, l_u @ l_x, l_u @ l_c, l_x @ l_x, l_x @ l_c, l_c @ l_c
-    )  # fmt: skip
-    point.cap = 1e6
-    return point, l_u, l_x, l_c
+    return point_of(l_u, l_x, l_c, 1e6), l_u, l_x, l_c
 
 
 def test_bound_is_largest_admissible() -> None:

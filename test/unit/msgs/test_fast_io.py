@@ -82,7 +82,7 @@ def test_what_is_sent_decodes_to_the_typed_message(case: tuple[to_msgs.Form, tup
         assert typed(wire.sent.pop(), type(typed_message)) == typed_message
 
 
-@pytest.mark.parametrize("sizes", [(3, 3, 3), (3, 0, 3), (0, 3, 0), (0, 0, 0)])
+@pytest.mark.parametrize("sizes", [(3, 3, 3), (1, 1, 1), (3, 0, 3), (0, 3, 0), (0, 0, 0)])
 @pytest.mark.parametrize("names", [("a", "bcd", "ef"), ("joint_1",)])
 def test_bytes_that_align_are_zero(names: tuple[str, ...], sizes: tuple[int, ...]) -> None:
     """The referee writes the message without rclpy."""

@@ -27,6 +27,7 @@ from trajectory_msgs.msg import (
 )
 
 from slip_core.errors import InputError
+from slip_msgs_py.messages import to_msgs
 from slip_msgs_py.messages.from_msgs import (
     cartesian_reference,
     joint_command,
@@ -104,6 +105,9 @@ def test_a_goal_is_a_pose_at_rest_after_its_duration() -> None:
         np.testing.assert_array_equal(goal.position, POSITION)
         np.testing.assert_allclose(goal.rotation, Rotation.from_quat(QUAT).as_matrix(), atol=ROUNDING)
         assert goal.duration_s == pytest.approx(duration, rel=ROUNDING)
+        again = pose_goal(to_msgs.goal(goal.position, goal.rotation, duration), 0.0)
+        assert (tuple(again.position), again.duration_s) == (POSITION, goal.duration_s)
+        np.testing.assert_allclose(again.rotation, goal.rotation, atol=ROUNDING)
     assert pose_goal(reference(frame="", twist=(0.0,) * 6), 1.0).duration_s == 1.0
 
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
 import pandas as pd
 import pytest
 import yaml
-from click.testing import CliRunner, Result
+from click.testing import CliRunner
 from scipy.spatial.transform import Rotation
 
 from slip_core.arrays import Array, matrix_from_quat_xyzw
@@ -138,29 +139,25 @@ def test_a_joint_that_would_be_too_fast_is_named_with_its_share(tmp_path: Path) 
     loaded = scenario("paper_planar")
     turned(tmp_path / "path.csv", loaded, 0.4)
     assert "a folder that can be written" in refused(tmp_path / "path.csv", "-o", "/proc/out")
-    done = retime(tmp_path / "path.csv", tmp_path / "out", "--set", "controller.governor.friction_limit=100.0")
-    assert done.exit_code == 0, done.exception
-    data = json.loads((tmp_path / "out" / "certificate.json").read_text())
+    much = ("--set", "controller.governor.friction_limit=100.0")
+    output, data, _ = retime(tmp_path / "path.csv", tmp_path / "out", *much)
     limit = governed(loaded, "slow_down").robot.velocity_limit[0]
     assert data["peak_velocity_share"] == pytest.approx(1.875 * TURN / 0.4 / limit, rel=0.01)
     share, load = 100.0 * data["peak_velocity_share"], 100.0 * data["peak_share"]
-    assert f"\nwarning: arm_joint1 would need {share:.0f} % of its velocity limit\n" in done.output
-    assert f"\nload at most {load:.2f} % of the friction, at {data['peak_at_s']:.3f} s\n" in done.output
+    assert f"\nwarning: arm_joint1 would need {share:.0f} % of its velocity limit\n" in output
+    assert f"\nload at most {load:.2f} % of the friction, at {data['peak_at_s']:.3f} s\n" in output
     degrees = np.degrees(data["deviation_rad"])
-    assert f"\nat most {degrees:.2g} degrees from the straight lines between the points\n" in done.output
+    assert f"\nat most {degrees:.2g} degrees from the straight lines between the points\n" in output
 
 
 def test_a_path_of_joints_gives_the_same_timing_as_that_of_the_pad(tmp_path: Path) -> None:
     loaded, source = scenario("paper_planar"), tmp_path / "path.csv"
     to = turned(source, loaded, 1.5)
-    first = retime(source, tmp_path / "a")
-    assert first.exit_code == 0, first.exception
-    data = json.loads((tmp_path / "a" / "certificate.json").read_text())
+    _, data, result = retime(source, tmp_path / "a")
     assert data["holds"]
     assert data["peak_share"] <= data["margin"]
     assert data["arrival_s"] > 1.5
     assert 0.0 < data["peak_effort_share"] < 1.0
-    result = pd.read_csv(tmp_path / "a" / "trajectory.csv")
     np.testing.assert_allclose(result.iloc[-1, 1:8].to_numpy(dtype=float), to, atol=1e-6)
     poses = joint_poses(loaded, result)
     controller = governed(loaded, "slow_down")
@@ -185,8 +182,11 @@ def joint_poses(loaded: Scenario, table: pd.DataFrame) -> Points:
     return Points(rows["time"].to_numpy(dtype=float), np.array(poses), POSE_COLUMNS)
 
 
-def retime(source: Path, out: Path, *words: str) -> Result:
-    return CliRunner().invoke(cli, ["retime", str(source), "-o", str(out), *words])
+def retime(source: Path, out: Path, *words: str) -> tuple[str, dict[str, Any], pd.DataFrame]:
+    """Return what the command prints, its certificate and its trajectory."""
+    done = CliRunner().invoke(cli, ["retime", str(source), "-o", str(out), *words])
+    assert done.exit_code == 0, done.exception
+    return done.output, json.loads((out / "certificate.json").read_text()), pd.read_csv(out / "trajectory.csv")
 
 
 def refused(*arguments: object) -> str:
@@ -278,12 +278,10 @@ EVEN = np.linspace(0.0, 0.2, 21)
     ids=["constant speed", "no times", "equal last times"],
 )
 def test_even_steps_are_retimed(tmp_path: Path, rows: Array, times: Array | None) -> None:
-    done = retime(line(tmp_path / "path.csv", rows, times=times), tmp_path / "out")
-    assert done.exit_code == 0, done.output
-    data = json.loads((tmp_path / "out" / "certificate.json").read_text())
+    _, data, table = retime(line(tmp_path / "path.csv", rows, times=times), tmp_path / "out")
     assert data["holds"]
     assert data["deviation"] < 1e-9
-    x = pd.read_csv(tmp_path / "out" / "trajectory.csv")["x"].to_numpy()
+    x = table["x"].to_numpy()
     assert np.ptp(x) == pytest.approx(0.2, abs=1e-9)
     assert np.diff(x).min() > -1e-9, "backwards"
 
@@ -292,9 +290,7 @@ def test_even_steps_are_retimed(tmp_path: Path, rows: Array, times: Array | None
 def test_times_too_short_for_friction_give_the_fastest_motion(tmp_path: Path, seconds: float) -> None:
     arrivals = []
     for times in (None, np.linspace(0.0, seconds, 21)):
-        done = retime(line(tmp_path / "path.csv", EVEN, times=times), tmp_path / "out")
-        assert done.exit_code == 0, done.output
-        data = json.loads((tmp_path / "out" / "certificate.json").read_text())
+        _, data, _ = retime(line(tmp_path / "path.csv", EVEN, times=times), tmp_path / "out")
         assert data["holds"]
         arrivals.append(data["arrival_s"])
     assert arrivals[1] == pytest.approx(arrivals[0], rel=0.01)
@@ -302,9 +298,7 @@ def test_times_too_short_for_friction_give_the_fastest_motion(tmp_path: Path, se
 
 def test_a_wait_stays_a_wait(tmp_path: Path) -> None:
     rows, times = np.insert(EVEN, 10, EVEN[10]), np.concatenate((0.2 * np.arange(11), 2.5 + 0.2 * np.arange(11)))
-    done = retime(line(tmp_path / "path.csv", rows, times=times), tmp_path / "out")
-    assert done.exit_code == 0, done.output
-    table = pd.read_csv(tmp_path / "out" / "trajectory.csv")
+    _, _, table = retime(line(tmp_path / "path.csv", rows, times=times), tmp_path / "out")
     x = table["x"].to_numpy() - table["x"][0]
     assert np.diff(x).min() > -1e-9, "backwards"
     rests = table["time"][np.abs(x - EVEN[10]) < 1e-9]
@@ -339,10 +333,8 @@ def test_a_path_that_lasts_too_long_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_path_that_turns_back_rests_there(tmp_path: Path) -> None:
-    done = retime(line(tmp_path / "path.csv", np.concatenate((EVEN, EVEN[-2::-1]))), tmp_path / "out")
-    assert done.exit_code == 0, done.output
-    x = pd.read_csv(tmp_path / "out" / "trajectory.csv")["x"].to_numpy()
-    assert np.ptp(x) == pytest.approx(0.2, abs=1e-9)
+    _, _, table = retime(line(tmp_path / "path.csv", np.concatenate((EVEN, EVEN[-2::-1]))), tmp_path / "out")
+    assert np.ptp(table["x"]) == pytest.approx(0.2, abs=1e-9)
 
 
 def test_points_are_read_as_they_are_written(tmp_path: Path) -> None:

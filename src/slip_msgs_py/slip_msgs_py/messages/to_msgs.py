@@ -10,9 +10,9 @@ from operator import attrgetter
 from typing import Any, Final
 
 import numpy as np
-from builtin_interfaces.msg import Time
+from builtin_interfaces.msg import Duration, Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from geometry_msgs.msg import PoseStamped, Transform, Twist, TwistStamped, WrenchStamped
+from geometry_msgs.msg import PoseStamped, TransformStamped, TwistStamped, WrenchStamped
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -21,9 +21,9 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectory
 
 from slip_core import poses
 from slip_core.arrays import Array, readonly
-from slip_core.stamps import split_ns
+from slip_core.stamps import seconds_to_ns, split_ns
 from slip_core.topics import WORLD
-from slip_core.types import CartesianReference, SlipSample
+from slip_core.types import SlipSample
 
 _INVALID = readonly(np.full(6, np.nan))
 
@@ -125,16 +125,13 @@ def diagnostics(
     return DiagnosticArray(header=header(stamp_ns, ""), status=[status])
 
 
-def reference(sample: CartesianReference) -> MultiDOFJointTrajectory:
-    """Return a desired motion of {ee} in {w} as the one point of a trajectory."""
-    point = MultiDOFJointTrajectoryPoint(transforms=[Transform()], velocities=[Twist()], accelerations=[Twist()])
-    pose = pose_numbers(sample.position, sample.rotation)
-    put_numbers(point.transforms[0], "translation", pose[:3])
-    put_numbers(point.transforms[0], "rotation", pose[3:])
-    for motion, numbers in ((point.velocities[0], sample.twist), (point.accelerations[0], sample.acceleration)):
-        put_numbers(motion, "linear", numbers[:3])
-        put_numbers(motion, "angular", numbers[3:])
-    return MultiDOFJointTrajectory(header=header(sample.stamp_ns, WORLD), points=[point])
+def goal(position: Array, rotation: Array, duration_s: float) -> MultiDOFJointTrajectory:
+    """Return a goal at rest for {ee} in {w} as the one point of a trajectory; (3,) [m], (3, 3), [s]."""
+    place, (sec, nanosec) = TransformStamped(), split_ns(seconds_to_ns(duration_s))
+    put_numbers(place, "transform", pose_numbers(position, rotation))
+    after = Duration(sec=sec, nanosec=nanosec)
+    point = MultiDOFJointTrajectoryPoint(transforms=[place.transform], time_from_start=after)
+    return MultiDOFJointTrajectory(header=Header(frame_id=WORLD), points=[point])
 
 
 def slip_numbers(sample: SlipSample) -> Array:

@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final, TypeVar
 
 import numpy as np
-from builtin_interfaces.msg import Duration
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.srv import SetParameters
@@ -23,7 +22,6 @@ from slip_core.files.urdf_file import arm_urdf
 from slip_core.params import ParameterModel, build, parameter_infos
 from slip_core.stamps import stamp_to_ns
 from slip_core.topics import TOPICS
-from slip_core.types import CartesianReference
 from slip_msgs_py.messages import to_msgs
 from slip_msgs_py.messages.from_msgs import joint_indices, vector6
 from slip_msgs_py.node_shell import NodePart
@@ -145,10 +143,7 @@ class RosSystem:
 
     def send_goal(self, position: Array, rotation: Array, duration_s: float) -> None:
         """Publish a goal."""
-        message = to_msgs.reference(CartesianReference(position, rotation, np.zeros(6), np.zeros(6)))
-        seconds, rest = divmod(round(1e9 * duration_s), 10**9)
-        message.points[0].time_from_start = Duration(sec=seconds, nanosec=rest)
-        self._goals.publish(message)
+        self._goals.publish(to_msgs.goal(position, rotation, duration_s))
 
     # -- topics ------------------------------------------------------------------------------------
 
