@@ -9,13 +9,13 @@ import pytest
 
 from slip_core.records import new, record
 from slip_core.vectors import NOTHING, spatial
+from slip_vic.setup.slip_sensor import against_motion
 from slip_vic_controller.contact.estimate import SensorHealth
 from slip_vic_controller.contact.friction_estimate import GIVES_M
 from slip_vic_controller.contact.slip_health import (
     DIFFERS,
     SLIP_EVIDENCE,
     add_reading,
-    against_motion,
     judge_health,
     start_health,
 )

@@ -12,10 +12,10 @@ from slip_core.records import new, record
 from slip_core.vectors import spatial
 from slip_vic.setup.bringup.heard import Track
 from slip_vic_controller.contact.estimate import SensorHealth
+from slip_vic_controller.contact.friction_estimate import GIVES_M
 from slip_vic_controller.contact.slip_health import (
     SLIP_EVIDENCE,
     add_reading,
-    against_motion,
     judge_health,
     start_health,
 )
@@ -29,6 +29,8 @@ ASKEW: Final = math.radians(10.0)
 MOST_SCALE, MOST_LAG_S = 1.4, 0.02
 """Ratio of readings and motion, up or down: samples of a slow camera miss a sixth. Lag of stamps [s]: with more, a law
 without an observer loses the object."""
+LAGS_S: Final = 1e-3 * np.arange(-60, 61)
+"""Tested lags of the stamps [s]."""
 
 
 def pad_twists(robot: Robot, q: Array, qd: Array) -> Array:
@@ -57,6 +59,40 @@ def compare(times: Array, drags: Array, stamps: Array, readings: Array, least: f
         add_reading(state, round(1e9 * stamps[k]), spatial(readings[k]), spatial(drags[at[k]]), slips)
     judge_health(state, differs, 0.0, 0.0)
     return state
+
+
+def against_motion(
+    times: Array, motion: Array, stamps: Array, readings: Array, unit: float, lag_s: float
+) -> tuple[SensorHealth, float]:
+    """Compare readings with the motion of the pad on a fixed object; return the mistake and its size.
+
+    The lag at which the speed of the pad explains most of theirs is that of the stamps, the ratio of both is the unit.
+    The model's slip velocity in a run is no such reference: it is accurate to a third, and its lag follows the
+    sensor's.
+
+    Args:
+        times, motion: of the pad's twist; (k,) [s], (k, 6) {ee}, turning at the torsional radius [m/s].
+        stamps, readings: the same of the sensor; (m,) [s], (m, 6).
+        unit: ratio, or its inverse, from which units differ.
+        lag_s: by which stamps may be off [s].
+    """
+    worst, late = 1.0, 0.0
+    health = SensorHealth.OK
+    for part_of, kind in ((slice(0, 3), SensorHealth.LINEAR_UNIT), (slice(3, 6), SensorHealth.ANGULAR_UNIT)):
+        read, moved = (np.linalg.norm(v[:, part_of], axis=1) for v in (readings, motion))
+        if np.trapezoid(moved, times) < GIVES_M:
+            continue
+        shifted = np.array([np.interp(stamps - lag, times, moved) for lag in LAGS_S])
+        squares, products = (shifted**2).sum(axis=1), shifted @ read
+        best = int(np.argmax(products / np.sqrt(squares)))
+        scale = float(products[best] / squares[best])
+        if health == SensorHealth.OK and max(scale, 1.0 / max(scale, 1e-9)) > unit:
+            health, worst = kind, scale
+        elif late == 0.0 and abs(LAGS_S[best]) > lag_s:
+            late = float(LAGS_S[best])
+    if health != SensorHealth.OK:
+        return health, worst
+    return (SensorHealth.STAMPS, 1e3 * late) if late else (health, 0.0)
 
 
 def slide_mistake(

@@ -1,13 +1,10 @@
-"""Health of the slip sensor: direction, rate, unit and stamps of its readings, compared with the slip.
+"""Health of the slip sensor: direction and rate of its readings, compared with the slip.
 
 The control cycle, a bring-up and `identify` use the same code; `SensorHealth` has the texts. The tests:
 
 - Friction opposes slip, so the pad slides over the object in the direction d in which it drags it, whatever the
   coefficient. With M = sum v dt d^T over the slip path, a mounting T explains tr(T M) of it; the best counts.
 - Measured values differ: a value repeated under new stamps was held.
-- If the object is fixed, as in a bring-up, the readings are the motion of the pad itself. The lag at which its speed
-  explains most of theirs is that of the stamps, and the ratio of both is the unit. The model's slip velocity in a run
-  is no such reference: it is accurate to a third at best, and its lag follows the sensor's.
 """
 
 from __future__ import annotations
@@ -15,9 +12,6 @@ from __future__ import annotations
 import math
 from typing import Final
 
-import numpy as np
-
-from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.records import Mat3, Real, Record, Vec6, Whole, dtype_of
 from slip_core.vectors import Spatial, mat, put_spatial, spatial
@@ -31,8 +25,6 @@ mistake makes a difference of 1 or 2, noise of a sample at six standard deviatio
 PLAIN: Final = 1.1
 """How much more a turn by any angle must explain than inverted or swapped axes: friction and slip are aligned only to
 some ten degrees."""
-LAGS_S: Final = 1e-3 * np.arange(-60, 61)
-"""Tested lags of the stamps [s]."""
 
 
 class SlipEvidence(Record):
@@ -136,33 +128,3 @@ def mounting(state: SlipEvidence, differs: float, bias: float) -> int:
     if found == SensorHealth.OK and -2.0 * state.spun > differs * max(state.turned, GIVES_M) + astray:
         found = SensorHealth.TURNS_INVERTED.value
     return int(found)
-
-
-def against_motion(
-    times: Array, motion: Array, stamps: Array, readings: Array, unit: float, lag_s: float
-) -> tuple[SensorHealth, float]:
-    """Compare readings with the motion of the pad on a fixed object; return the mistake and its size.
-
-    Args:
-        times, motion: of the pad's twist; (k,) [s], (k, 6) {ee}, turning at the torsional radius [m/s].
-        stamps, readings: the same of the sensor; (m,) [s], (m, 6).
-        unit: ratio, or its inverse, from which units differ.
-        lag_s: by which stamps may be off [s].
-    """
-    worst, late = 1.0, 0.0
-    health = SensorHealth.OK
-    for part_of, kind in ((slice(0, 3), SensorHealth.LINEAR_UNIT), (slice(3, 6), SensorHealth.ANGULAR_UNIT)):
-        read, moved = (np.linalg.norm(v[:, part_of], axis=1) for v in (readings, motion))
-        if np.trapezoid(moved, times) < GIVES_M:
-            continue
-        shifted = np.array([np.interp(stamps - lag, times, moved) for lag in LAGS_S])
-        squares, products = (shifted**2).sum(axis=1), shifted @ read
-        best = int(np.argmax(products / np.sqrt(squares)))
-        scale = float(products[best] / squares[best])
-        if health == SensorHealth.OK and max(scale, 1.0 / max(scale, 1e-9)) > unit:
-            health, worst = kind, scale
-        elif late == 0.0 and abs(LAGS_S[best]) > lag_s:
-            late = float(LAGS_S[best])
-    if health != SensorHealth.OK:
-        return health, worst
-    return (SensorHealth.STAMPS, 1e3 * late) if late else (health, 0.0)
