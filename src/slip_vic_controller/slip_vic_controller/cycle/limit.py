@@ -6,7 +6,7 @@ import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.compiled import part
-from slip_core.vectors import mat, put_spatial
+from slip_core.vectors import mat
 from slip_vic_controller.arm.command import (
     Interface,
     advance_motion,
@@ -18,6 +18,7 @@ from slip_vic_controller.arm.command import (
 )
 from slip_vic_controller.arm.estimator import find, oppose_disturbance, remember_input
 from slip_vic_controller.cycle.sensing import own_wrench
+from slip_vic_controller.law.arm import column
 from slip_vic_controller.safety.conditions import Reason, because, follows, see
 from slip_vic_controller.safety.limits import avoid_limits, limit_effort, needs_restart, start_limiter
 from slip_vic_controller.sizes import MAX_JOINTS
@@ -35,10 +36,11 @@ def finish(c: ArmCycle, q: Array, qd: Array) -> None:
     config, state, inputs, outputs = c.config, c.state, c.inputs, c.outputs
     n, now_ns, limits, sent = config.law.joints, inputs.now_ns, config.command, state.sent
     by_effort, at_work = limits.interface == Interface.EFFORT, follows(state.mode.mode)
-    passed_s, h = 1e-9 * min(max(now_ns - state.now_ns, 0), limits.longest_step_ns), np.empty(6)
-    moves_s = passed_s
-    R_ee = mat(inputs.arm.rotation)
-    put_spatial(h, R_ee @ own_wrench(config, state, R_ee))
+    moves_s = passed_s = 1e-9 * min(max(now_ns - state.now_ns, 0), limits.longest_step_ns)
+    R_ee, of_wrench = mat(inputs.arm.rotation), np.zeros(MAX_JOINTS)
+    h = R_ee @ own_wrench(config, state, R_ee)
+    for j in range(n):
+        of_wrench[j] = h.dot(column(inputs.arm, j))
     if needs_restart(limits, sent, now_ns):
         begins = sent.started == 0
         # Loops of the drives overcome friction, which the model does not have: there it begins with gravity.
@@ -58,12 +60,12 @@ def finish(c: ArmCycle, q: Array, qd: Array) -> None:
     torque, clipped, saturated = np.empty(MAX_JOINTS), np.zeros(MAX_JOINTS, np.int64), 0
     torque[:n] = outputs.wanted[:n]
     if config.estimator.on != 0 and by_effort:  # what a drive with a loop of its own does not follow is no torque
-        _oppose_disturbance(c, h, passed_s, torque)
+        _oppose_disturbance(c, of_wrench, passed_s, torque)
     avoid_limits(limits, q, qd, inputs.arm.M, torque)
     finite = limit_effort(limits, sent, torque, now_ns, clipped)
     if not by_effort:
-        _move(c, h, moves_s)
-    _remember_input(c, h)
+        _move(c, of_wrench, moves_s)
+    _remember_input(c, of_wrench)
     if config.estimator.on != 0:
         joints, estimate = outputs.joints, state.estimate
         joints.position[:], joints.velocity[:], joints.effort[:] = estimate.position, estimate.velocity, estimate.effort
@@ -83,13 +85,10 @@ def finish(c: ArmCycle, q: Array, qd: Array) -> None:
 
 
 @part
-def _oppose_disturbance(c: ArmCycle, h: Array, dt: float, torque: Array) -> None:
+def _oppose_disturbance(c: ArmCycle, of_wrench: Array, dt: float, torque: Array) -> None:
     """Compensate the disturbance in the effort; without a good joint state as in the last cycle."""
-    config, state, arm, of_wrench = c.config, c.state, c.inputs.arm, np.zeros(MAX_JOINTS)
+    config, state, arm = c.config, c.state, c.inputs.arm
     if arm.M[0, 0] > 0.0:
-        for j in range(config.law.joints):
-            for i in range(6):
-                of_wrench[j] += arm.J[i, j] * h[i]
         judged = config.tare.duration_ns == 0 or state.tare.rough != 0
         oppose_disturbance(config.estimator, state.estimate, arm.M, of_wrench, dt, judged, torque)
     else:
@@ -98,7 +97,7 @@ def _oppose_disturbance(c: ArmCycle, h: Array, dt: float, torque: Array) -> None
 
 
 @part
-def _move(c: ArmCycle, h: Array, dt: float) -> None:
+def _move(c: ArmCycle, of_wrench: Array, dt: float) -> None:
     """Integrate the commanded motion with the effort; without the law it comes to rest.
 
     A pause counts no longer than in the effort limiter, and not at all where the command begins again: drives that have
@@ -107,7 +106,7 @@ def _move(c: ArmCycle, h: Array, dt: float) -> None:
     """
     limits, motion, estimate, qdd = c.config.command, c.state.sent, c.state.estimate, np.zeros(MAX_JOINTS)
     if follows(c.state.mode.mode):
-        _put_acceleration(c, h, qdd)
+        _put_acceleration(c, of_wrench, qdd)
         advance_motion(limits, motion, qdd, estimate.velocity, dt)
         ignored = ignored_joint(limits, motion, estimate.velocity, dt)
         if ignored >= 0:
@@ -119,15 +118,15 @@ def _move(c: ArmCycle, h: Array, dt: float) -> None:
 
 
 @part
-def _put_acceleration(c: ArmCycle, h: Array, qdd: Array) -> None:
+def _put_acceleration(c: ArmCycle, of_wrench: Array, qdd: Array) -> None:
     """Write the acceleration that the effort gives the joints (n,) [rad/s^2]; as it is without a good joint state."""
-    n, arm, effort = c.config.law.joints, c.inputs.arm, c.state.sent.effort
-    if arm.M[0, 0] > 0.0 and not joint_acceleration(n, arm.M, arm.bias, arm.J, h, effort, qdd):
+    n, arm = c.config.law.joints, c.inputs.arm
+    if arm.M[0, 0] > 0.0 and not joint_acceleration(n, arm.M, arm.bias, c.state.sent.effort + of_wrench, qdd):
         qdd[:] = 0.0
 
 
 @part
-def _remember_input(c: ArmCycle, h: Array) -> None:
+def _remember_input(c: ArmCycle, of_wrench: Array) -> None:
     """Store the known motion of the joints: the acceleration by the effort, or the velocity that drives follow.
 
     Without a good joint state the effort stays as it was, and so does the acceleration.
@@ -135,7 +134,7 @@ def _remember_input(c: ArmCycle, h: Array) -> None:
     estimate = c.state.estimate
     u = estimate.inputs[estimate.newest].copy()
     if c.config.command.interface == Interface.EFFORT:
-        _put_acceleration(c, h, u)
+        _put_acceleration(c, of_wrench, u)
     else:
         u[:] = c.state.sent.velocity
     remember_input(c.config.estimator, estimate, u)

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.records import Records
-from slip_core.vectors import ZERO, Mat, Spatial, Vec, mat, put_mat, put_spatial, spatial, vec
+from slip_core.vectors import NOTHING, ZERO, Mat, Spatial, Vec, mat, put_mat, put_spatial, spatial, vec
 from slip_vic_controller.arm.command import Interface
 from slip_vic_controller.arm.estimator import EstimatorConfig
 from slip_vic_controller.contact.belief import BELIEF_TUNING, certain_share, keep_past, see_load, see_slip, sliding
@@ -32,7 +30,7 @@ from slip_vic_controller.governor.grip import load_ahead, load_to_hold, squeeze
 from slip_vic_controller.governor.load import ALONE, Held, load, size, weight
 from slip_vic_controller.governor.plan import Governing
 from slip_vic_controller.interfaces import wrench_at_pad
-from slip_vic_controller.law.arm import Arm
+from slip_vic_controller.law.arm import Arm, column
 from slip_vic_controller.law.bounds import internal_gain_limit
 from slip_vic_controller.law.contact import contact_arm, pad_rotation, slip_velocity
 from slip_vic_controller.law.extensions import judge_compensation, slip_speed
@@ -271,7 +269,7 @@ def sense(c: ArmCycle, history: Array) -> int:
         if config.estimator.on != 0:
             pad_variances(config.estimator, inputs.arm, motion)
     if config.estimator.on != 0 and config.command.interface != Interface.EFFORT:
-        put_twist_now(c, motion.v_ee)
+        put_spatial(motion.v_ee, twist_now(c))
     if observes:
         if not observe(config.observer, observer, history, motion, sample.stamp_ns, queue.samples, queue.count):
             return Reason.NO_ESTIMATE.value
@@ -295,15 +293,12 @@ def pad_variances(config: EstimatorConfig, arm: Arm, out: Motion) -> None:
 
     Implements: ours: diag(A A^T) sigma^2 with A = R^T J.
     """
-    J, R = arm.J, arm.rotation
-    for i in range(6):
-        total, first = 0.0, 3 if i >= 3 else 0
-        axis = i - first
-        for j in range(config.joints):
-            a = R[0, axis] * J[first, j] + R[1, axis] * J[first + 1, j] + R[2, axis] * J[first + 2, j]
-            total += a * a
-        out.velocity_variance[i] = total * config.velocity_variance
-        out.change_variance[i] = total * config.change_variance
+    to_pad, total = mat(arm.rotation).T(), NOTHING
+    for j in range(config.joints):
+        a = to_pad @ column(arm, j)
+        total = total + a * a
+    put_spatial(out.velocity_variance, config.velocity_variance * total)
+    put_spatial(out.change_variance, config.change_variance * total)
 
 
 @part
@@ -340,13 +335,11 @@ def _foresee_slip(c: ArmCycle) -> None:
     Implements: ours: v_s + J (qd_commanded - qd) - t (G^T a_o + Phi2), a predictor after O. J. M. Smith, 1957.
     """
     config, outputs, rotation = c.config, c.outputs, mat(c.inputs.arm.rotation)
-    contact, sample, now = config.law.contact[0], outputs.samples[0], np.zeros(6)
+    contact, sample = config.law.contact[0], outputs.samples[0]
     v_s = slip_velocity(contact, sample)
     if v_s.dot(v_s) == 0.0:
         return
-    put_twist_now(c, now)
-    follow = spatial(outputs.motion.follow)
-    change = spatial(c.inputs.arm.twist) - spatial(now) - config.slip_ahead_s * follow
+    change = spatial(c.inputs.arm.twist) - twist_now(c) - config.slip_ahead_s * spatial(outputs.motion.follow)
     error = config.slip_ahead_s * spatial(outputs.follow_error)
     ahead = v_s + spatial(contact.slip_axes) * (rotation.T() @ change - error)
     gains = outputs.gains.gains
@@ -355,14 +348,12 @@ def _foresee_slip(c: ArmCycle) -> None:
 
 
 @part
-def put_twist_now(c: ArmCycle, twist: Array) -> None:
-    """Write the pad's twist of now (6,) {w}, zero where no joint moves: the law's is that of the commands under way.
+def twist_now(c: ArmCycle) -> Spatial:
+    """Return the pad's twist of now {w}, zero where no joint moves: the law's is that of the commands under way.
 
     So is its Jacobian: what that changes on the way there is taken off.
     """
-    arm = c.inputs.arm
-    for i in range(6):
-        twist[i] = 0.0
-        for j in range(c.config.law.joints):
-            twist[i] += arm.J[i, j] * c.state.estimate.velocity[j]
-        twist[i] -= c.config.drive_lag_s * arm.jdot_qd[i]
+    arm, twist = c.inputs.arm, NOTHING
+    for j in range(c.config.law.joints):
+        twist = twist + c.state.estimate.velocity[j] * column(arm, j)
+    return twist - c.config.drive_lag_s * spatial(arm.jdot_qd)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Annotated
 
 from slip_core.arrays import Array
-from slip_core.compiled import IN1, IN2_F, OUT1, VOID, kernel
+from slip_core.compiled import IN1, IN2_F, OUT1, VOID, kernel, part
 from slip_core.records import POSE, Mat3, Pose, Record, Vec3, Vec6, dtype_of, record
-from slip_core.vectors import Vec, mat, put, put_mat, vec
+from slip_core.vectors import Spatial, Vec, mat, put, put_mat, vec
 from slip_vic_controller.sizes import MAX_JOINTS, Joints
 
 
@@ -34,6 +34,12 @@ class DesiredMotion(Record):
     rotation: Mat3  # R_d
     twist: Vec6  # m/s, rad/s
     acceleration: Vec6  # m/s^2, rad/s^2, a_d
+
+
+@part
+def column(arm: Arm, j: int) -> Spatial:
+    """Return how the pad moves with joint j {w}; its product with a wrench on the pad is the torque on the joint."""
+    return Spatial(Vec(arm.J[0, j], arm.J[1, j], arm.J[2, j]), Vec(arm.J[3, j], arm.J[4, j], arm.J[5, j]))
 
 
 @kernel(VOID, IN1, IN1, IN2_F, IN1, IN1, IN1, IN1, IN1, IN2_F, IN1, IN1, IN2_F, OUT1)

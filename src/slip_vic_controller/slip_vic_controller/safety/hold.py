@@ -10,7 +10,7 @@ from slip_core.records import Mat3, Real, Record, Vec3, Vec6, Whole
 from slip_core.vectors import ZERO, Mat, Spatial, Vec, mat, put_spatial, spatial, vec
 from slip_vic_controller.arm.estimator import MOVES, JointRecord
 from slip_vic_controller.contact.wrench_evidence import MEAN_S
-from slip_vic_controller.law.arm import Arm
+from slip_vic_controller.law.arm import Arm, column
 from slip_vic_controller.sizes import Joints
 
 DELAY = 0.46
@@ -88,12 +88,6 @@ def _shortened(v: Vec, most: float) -> Vec:
 
 
 @part
-def _column(arm: Arm, j: int) -> Spatial:
-    """Return how the pad moves with joint j {w}."""
-    return Spatial(Vec(arm.J[0, j], arm.J[1, j], arm.J[2, j]), Vec(arm.J[3, j], arm.J[4, j], arm.J[5, j]))
-
-
-@part
 def hold_effort(
     config: HoldConfig, state: Hold, arm: Arm, sample: JointRecord, pad: Mat, r_pad: Vec, torque: Array
 ) -> None:
@@ -113,18 +107,16 @@ def hold_effort(
     n, motion = config.joints, Spatial(ZERO, ZERO)
     qdd = config.stiffness * (state.posture[:n] - sample.position[:n]) - config.damping * sample.velocity[:n]
     for j in range(n):
-        motion = motion + qdd[j] * _column(arm, j)
+        motion = motion + qdd[j] * column(arm, j)
     # With J_o of Eq. (14): the object's acceleration is a + r x w, and what it takes acts at the pad.
     R = mat(arm.rotation)
     R_o, r, a, w = R @ pad.T(), R @ r_pad, motion.linear, motion.angular
     force = config.mass * (a + r.cross(w))
-    moment = R_o @ (mat(config.inertia) @ (R_o.T() @ w)) + force.cross(r)
+    of_object = Spatial(force, R_o @ (mat(config.inertia) @ (R_o.T() @ w)) + force.cross(r))
     for j in range(n):
-        total = 0.0
+        total = 0.5 * of_object.dot(column(arm, j))
         for i in range(n):
             total += arm.M[j, i] * qdd[i]
-        total += 0.5 * force.dot(_column(arm, j).linear)
-        total += 0.5 * moment.dot(_column(arm, j).angular)
         torque[j] = arm.gravity[j] + total
 
 
@@ -163,5 +155,4 @@ def carry_load(config: HoldConfig, state: Hold, arm: Arm, r_pad: Vec, torque: Ar
     R = mat(arm.rotation)
     h = R @ (object_load(config, R, R @ r_pad) + spatial(state.load_error))
     for j in range(config.joints):
-        torque[j] -= h.linear.dot(_column(arm, j).linear)
-        torque[j] -= h.angular.dot(_column(arm, j).angular)
+        torque[j] -= h.dot(column(arm, j))
