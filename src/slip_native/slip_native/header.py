@@ -17,15 +17,13 @@ from slip_vic_controller.law.symbols import SYMBOLS, Symbols
 from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.path.goals import GoalPhase, Refusal
 from slip_vic_controller.safety.conditions import (
-    MISSING,
-    MISTAKES,
     REASONS,
-    SENSORS,
     Missing,
     Mode,
     Reason,
     Request,
 )
+from slip_vic_controller.session.words import MISSING, MISTAKES, SENSORS
 from slip_vic_controller.state import GOVERNED, ArmState, ControllerConfig, CycleInputs, CycleOutputs, TaskState
 
 RECORDS = (ControllerConfig, TaskState, ArmState, Row, CycleInputs, CycleOutputs, Symbols)

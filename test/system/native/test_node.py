@@ -35,7 +35,8 @@ from slip_vic.scenarios.scenario import load
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.robot import Robot
-from slip_vic_controller.safety.conditions import Reason, Why, describe
+from slip_vic_controller.safety.conditions import Reason, Why
+from slip_vic_controller.session.words import describe
 from test.campaigns.attacks.suite import run_attacks, with_numbers
 from test.campaigns.faults.beside import BesideNative, compile_more
 from test.campaigns.faults.campaign import judge

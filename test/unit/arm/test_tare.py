@@ -20,7 +20,8 @@ from slip_vic_controller.arm.tare import (
     start_tare,
     take_biases,
 )
-from slip_vic_controller.safety.conditions import Reason, describe
+from slip_vic_controller.safety.conditions import Reason
+from slip_vic_controller.session.words import describe
 from slip_vic_controller.sizes import NEVER
 from test.support.call import blank
 

@@ -15,12 +15,11 @@ from slip_vic_controller.safety.conditions import (
     Reason,
     Why,
     because,
-    describe,
     first,
     forget_conditions,
-    reason_fields,
     see,
 )
+from slip_vic_controller.session.words import describe, reason_fields
 from slip_vic_controller.state import ARM_STATE, CONFIG
 from test.support.call import call
 

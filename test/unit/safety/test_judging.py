@@ -19,10 +19,10 @@ from slip_vic_controller.safety.conditions import (
     Mode,
     Reason,
     Why,
-    describe,
     forget_conditions,
     put_why,
 )
+from slip_vic_controller.session.words import describe
 from slip_vic_controller.sizes import NEVER
 from slip_vic_controller.state import ARM_SIZE, ARM_STATE, CONFIG, TASK_SIZE, TASK_STATE
 from test.support.call import call

@@ -15,13 +15,13 @@ from slip_vic_controller.safety.conditions import (
     Request,
     Why,
     because,
-    describe,
     holds_for,
     next_mode,
     put_why,
     read_why,
 )
 from slip_vic_controller.safety.conditions import ModeState as ModeRecord
+from slip_vic_controller.session.words import describe
 from slip_vic_controller.sizes import NEVER
 from slip_vic_controller.state import CONFIG
 from test.support.call import blank, call

@@ -31,7 +31,7 @@ from typing import Annotated, Final, NamedTuple
 from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Whole, dtype_of
-from slip_vic_controller.safety.conditions import NOTHING, Reason, Why, WhyRecord, put_why
+from slip_vic_controller.safety.conditions import NOTHING, Reason, WhyRecord, find, put_why
 from slip_vic_controller.sizes import MAX_JOINTS, Joints, WholeJoints
 
 MAX_LATENCY: Final = 32
@@ -177,13 +177,6 @@ def clear_findings(state: JointEstimate) -> None:
     state.parity[:] = 0.0
     state.jumped_s[:] = 0.0
     state.beyond_s[:] = 0.0
-
-
-@part
-def find(state: JointEstimate, reason: int, j: int, value: float, limit: float) -> None:
-    """Record the fault of joint j; the first one stays."""
-    if state.found.reason == Reason.NONE:
-        put_why(state.found, Why(0 + reason, 0, 0, j, value, limit))
 
 
 class Transition(NamedTuple):
@@ -513,7 +506,7 @@ def _reject(config: EstimatorConfig, state: JointEstimate, j: int, trust: int) -
     if state.trust[j] == Trust.BOTH:
         state.trust[j] = trust
         reason = Reason.VELOCITY.value + trust - Trust.POSITION.value  # in the same order
-        find(state, reason, j, contradiction(config, state, j), config.difference)
+        find(state.found, reason, j, contradiction(config, state, j), config.difference)
 
 
 # -- compensation of the disturbance, and when a jump of it is a collision --------------------------------
@@ -531,6 +524,8 @@ def oppose_disturbance(
 ) -> None:
     """Take the disturbance off the effort, inside its bound and rate, and look for jumps and lasting excess.
 
+    Without a good joint state, where M is zero, it stays as it is.
+
     A wrench that is measured wrongly looks like a disturbance, since the joints do not feel it. So a disturbance that
     jumps together with the wrench is no collision, and is not taken off.
 
@@ -546,6 +541,9 @@ def oppose_disturbance(
     Implements: ours: tau -= M d.
     """
     n, weight, follow = config.joints, 1.0 - math.exp(-dt / SLOW_S), 1.0 - math.exp(-dt / config.settling)
+    if M[0, 0] == 0.0:
+        torque[:] += state.taken_off
+        return
     # The inertia carries a joint that is measured wrongly, or not at all, into the torques of the others.
     unmeasured = bool(state.unmeasured.max() >= config.sensor_ticks)
     doubtful = unmeasured or not judged
@@ -578,6 +576,6 @@ def oppose_disturbance(
         torque[j] += state.taken_off[j]
         state.beyond_s[j] = state.beyond_s[j] + dt if abs(effort) > bound else 0.0
         if state.jumped_s[j] > MEAN_S:
-            find(state, Reason.COLLISION.value, j, jump, most)
+            find(state.found, Reason.COLLISION.value, j, jump, most)
         elif state.beyond_s[j] > LASTS_S:
-            find(state, Reason.DISTURBED.value, j, effort, bound)
+            find(state.found, Reason.DISTURBED.value, j, effort, bound)

@@ -19,9 +19,9 @@ from typing import Final
 from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Whole
-from slip_core.vectors import spatial
+from slip_core.vectors import Spatial, put_spatial, spatial
 from slip_vic_controller.arm.estimator import BIAS, MOVES, SIGNIFICANT
-from slip_vic_controller.safety.conditions import NOTHING, Reason, Why, WhyRecord, put_why
+from slip_vic_controller.safety.conditions import NOTHING, Reason, WhyRecord, find, put_why
 from slip_vic_controller.sizes import NEVER, Joints
 
 LEAST_SAMPLES: Final = 5
@@ -150,54 +150,44 @@ def exceeds(mean: Mean, k: int, bound: float) -> bool:
 
 
 @part
-def accuse(state: Tare, which: int, reads: float, bound: float) -> None:
-    """Name a sensor that reads more than its bound at rest, unless one is named already."""
-    if state.found.reason == Reason.NONE:
-        put_why(state.found, Why(Reason.BIASED.value, 0, 0, which, reads, bound))
-
-
-@part
 def judge_tare(config: TareConfig, state: Tare) -> bool:
     """Name the first sensor that is out of bounds, in the order of the words; return whether there is one.
 
     Of a slip sensor its mean size, which noise has too, of the others the mean.
     """
+    biased = Reason.BIASED.value
     if state.slip_count >= LEAST_SAMPLES and state.slip_linear > config.slip_linear:
-        accuse(state, 0, state.slip_linear, config.slip_linear)
+        find(state.found, biased, 0, state.slip_linear, config.slip_linear)
     if state.slip_count >= LEAST_SAMPLES and state.slip_angular > config.slip_angular:
-        accuse(state, 1, state.slip_angular, config.slip_angular)
+        find(state.found, biased, 1, state.slip_angular, config.slip_angular)
     for k in range(6):
         bound = config.force if k < 3 else config.torque
         if exceeds(state.wrench, k, bound):
-            accuse(state, 2 + k // 3, abs(state.wrench.average[k]), bound)
+            find(state.found, biased, 2 + k // 3, abs(state.wrench.average[k]), bound)
     for j in range(config.joints):
         if exceeds(state.velocity, j, MOVES):
-            accuse(state, 4, abs(state.velocity.average[j]), MOVES)
+            find(state.found, biased, 4, abs(state.velocity.average[j]), MOVES)
     return bool(state.found.reason != Reason.NONE)
 
 
 @part
-def leave_to_mass(config: TareConfig, state: Tare, weight: Array) -> float:
+def leave_to_mass(config: TareConfig, state: Tare, weight: Spatial) -> float:
     """Take what another mass of the object explains off a mean wrench that is out of bounds; return its share.
 
-    weight: model's load of the resting object (6,) [N, N m] {ee}.
+    weight: model's load of the resting object [N, N m] {ee}.
 
     Implements: ours: the mean less rho weight, rho the projection of its force on that of the weight.
     """
-    wrench, along, square, out = state.wrench, 0.0, 0.0, False
+    wrench, out, square = spatial(state.wrench.average), False, weight.linear.dot(weight.linear)
     for k in range(6):
-        out = out or abs(wrench.average[k]) > (config.force if k < 3 else config.torque)
-    for k in range(3):
-        along += wrench.average[k] * weight[k]
-        square += weight[k] * weight[k]
-    share = along / square if out and square > 0.0 else 0.0
-    for k in range(6):
-        wrench.average[k] -= share * weight[k]
+        out = out or abs(state.wrench.average[k]) > (config.force if k < 3 else config.torque)
+    share = wrench.linear.dot(weight.linear) / square if out and square > 0.0 else 0.0
+    put_spatial(state.wrench.average, wrench - share * weight)
     return share
 
 
 @part
-def take_biases(config: TareConfig, state: Tare, weight: Array, now_ns: int, q: Array) -> None:
+def take_biases(config: TareConfig, state: Tare, weight: Spatial, now_ns: int, q: Array) -> None:
     """Use the means as biases, or name the sensor that is out of bounds.
 
     What the joints have moved by, as their positions show it, is no bias of their velocities: at rest means slower
@@ -215,7 +205,7 @@ def take_biases(config: TareConfig, state: Tare, weight: Array, now_ns: int, q: 
         return
     if abs(share) > config.mass_share:
         reason = Reason.INVERTED_WRENCH.value if share < -1.0 else Reason.WRONG_MASS.value
-        put_why(state.found, Why(reason, 0, 0, 0, (1.0 + share) * config.mass, config.mass))
+        find(state.found, reason, 0, (1.0 + share) * config.mass, config.mass)
         return
     state.mass_share = share
     for mean in (state.slip, state.wrench, state.velocity):

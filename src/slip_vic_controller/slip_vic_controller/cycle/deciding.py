@@ -14,7 +14,7 @@ from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.records import WholeArray
 from slip_core.vectors import ZERO, Spatial, mat, put_spatial, spatial, vec
-from slip_vic_controller.arm.estimator import clear_findings, find, unseen_ns
+from slip_vic_controller.arm.estimator import clear_findings, unseen_ns
 from slip_vic_controller.arm.tare import (
     MOVED,
     OUTLIER,
@@ -42,6 +42,7 @@ from slip_vic_controller.safety.conditions import (
     Request,
     Why,
     because,
+    find,
     first,
     follows,
     holds_for,
@@ -80,7 +81,7 @@ def tare(c: ArmCycle, arms: Arms, alone: bool) -> bool:
             tare.watched, tare.watched_from[:] = 1, q
         j = moved_most(n, q, tare.watched_from, MOVED)
         if j >= 0:
-            find(state.estimate, Reason.MOVED_IN_TARE.value, j, q[j] - tare.watched_from[j], 0.0)
+            find(state.estimate.found, Reason.MOVED_IN_TARE.value, j, q[j] - tare.watched_from[j], 0.0)
         six, (beyond, expected) = np.zeros(6), _wrench_at_rest(c, arms)
         all_measured = len(arms.states) == 1 or (c.task.begun != 0 and not alone)
         over = measure_at_rest(config.tare, tare, stamp_ns, last.position[:n], last.velocity[:n])
@@ -92,8 +93,7 @@ def tare(c: ArmCycle, arms: Arms, alone: bool) -> bool:
             put_spatial(six, beyond)
             add(tare.wrench, six, 6)
         if over:
-            put_spatial(six, expected)
-            take_biases(config.tare, tare, six, stamp_ns, last.position[:n])
+            take_biases(config.tare, tare, expected, stamp_ns, last.position[:n])
     elif tare.done == 0:
         tare.watched, tare.begun_ns = 0, NEVER
     for k in range(queue.count):

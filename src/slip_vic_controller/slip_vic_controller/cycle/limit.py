@@ -16,10 +16,10 @@ from slip_vic_controller.arm.command import (
     start_motion,
     stop_motion,
 )
-from slip_vic_controller.arm.estimator import find, oppose_disturbance, remember_input
+from slip_vic_controller.arm.estimator import oppose_disturbance, remember_input
 from slip_vic_controller.cycle.sensing import own_wrench
 from slip_vic_controller.law.arm import column
-from slip_vic_controller.safety.conditions import Reason, because, follows, see
+from slip_vic_controller.safety.conditions import Reason, because, find, follows, see
 from slip_vic_controller.safety.limits import avoid_limits, limit_effort, needs_restart, start_limiter
 from slip_vic_controller.sizes import MAX_JOINTS
 from slip_vic_controller.state import ArmCycle
@@ -60,12 +60,18 @@ def finish(c: ArmCycle, q: Array, qd: Array) -> None:
     torque, clipped, saturated = np.empty(MAX_JOINTS), np.zeros(MAX_JOINTS, np.int64), 0
     torque[:n] = outputs.wanted[:n]
     if config.estimator.on != 0 and by_effort:  # what a drive with a loop of its own does not follow is no torque
-        _oppose_disturbance(c, of_wrench, passed_s, torque)
+        judged = config.tare.duration_ns == 0 or state.tare.rough != 0
+        oppose_disturbance(config.estimator, state.estimate, inputs.arm.M, of_wrench, passed_s, judged, torque)
     avoid_limits(limits, q, qd, inputs.arm.M, torque)
     finite = limit_effort(limits, sent, torque, now_ns, clipped)
     if not by_effort:
         _move(c, of_wrench, moves_s)
-    _remember_input(c, of_wrench)
+    u = state.estimate.inputs[state.estimate.newest].copy()
+    if by_effort:
+        _put_acceleration(c, of_wrench, u)
+    else:
+        u[:] = sent.velocity
+    remember_input(config.estimator, state.estimate, u)
     if config.estimator.on != 0:
         joints, estimate = outputs.joints, state.estimate
         joints.position[:], joints.velocity[:], joints.effort[:] = estimate.position, estimate.velocity, estimate.effort
@@ -85,18 +91,6 @@ def finish(c: ArmCycle, q: Array, qd: Array) -> None:
 
 
 @part
-def _oppose_disturbance(c: ArmCycle, of_wrench: Array, dt: float, torque: Array) -> None:
-    """Compensate the disturbance in the effort; without a good joint state as in the last cycle."""
-    config, state, arm = c.config, c.state, c.inputs.arm
-    if arm.M[0, 0] > 0.0:
-        judged = config.tare.duration_ns == 0 or state.tare.rough != 0
-        oppose_disturbance(config.estimator, state.estimate, arm.M, of_wrench, dt, judged, torque)
-    else:
-        for j in range(config.law.joints):
-            torque[j] += state.estimate.taken_off[j]
-
-
-@part
 def _move(c: ArmCycle, of_wrench: Array, dt: float) -> None:
     """Integrate the commanded motion with the effort; without the law it comes to rest.
 
@@ -110,7 +104,7 @@ def _move(c: ArmCycle, of_wrench: Array, dt: float) -> None:
         advance_motion(limits, motion, qdd, estimate.velocity, dt)
         ignored = ignored_joint(limits, motion, estimate.velocity, dt)
         if ignored >= 0:
-            find(estimate, Reason.IGNORED.value, ignored, estimate.velocity[ignored], motion.velocity[ignored])
+            find(estimate.found, Reason.IGNORED.value, ignored, estimate.velocity[ignored], motion.velocity[ignored])
     else:
         stop_motion(limits, motion, dt)
         if estimate.found.reason == Reason.IGNORED:
@@ -123,18 +117,3 @@ def _put_acceleration(c: ArmCycle, of_wrench: Array, qdd: Array) -> None:
     n, arm = c.config.law.joints, c.inputs.arm
     if arm.M[0, 0] > 0.0 and not joint_acceleration(n, arm.M, arm.bias, c.state.sent.effort + of_wrench, qdd):
         qdd[:] = 0.0
-
-
-@part
-def _remember_input(c: ArmCycle, of_wrench: Array) -> None:
-    """Store the known motion of the joints: the acceleration by the effort, or the velocity that drives follow.
-
-    Without a good joint state the effort stays as it was, and so does the acceleration.
-    """
-    estimate = c.state.estimate
-    u = estimate.inputs[estimate.newest].copy()
-    if c.config.command.interface == Interface.EFFORT:
-        _put_acceleration(c, of_wrench, u)
-    else:
-        u[:] = c.state.sent.velocity
-    remember_input(c.config.estimator, estimate, u)

@@ -14,14 +14,12 @@ FAULT          as HOLD, until a user resets it
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from enum import IntEnum, unique
-from typing import Annotated, Any, Final, NamedTuple
+from typing import Annotated, Final, NamedTuple
 
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Records, Whole, WholeArray
-from slip_vic_controller.contact.estimate import SensorHealth
-from slip_vic_controller.sizes import MAX_CONTACTS, NEVER
+from slip_vic_controller.sizes import NEVER
 
 
 @unique
@@ -48,8 +46,8 @@ class Reason(IntEnum):
     """The table: number, words; the mode that it leads to, how long it must last [s], whether it clears itself.
 
     What is wrong with a sample leads to nothing by itself: its row has ACTIVE. The words may name the fields of a
-    `Why`, see `describe`. Where a parameter says how long, `config` does. The numbers of what is wrong with a sample
-    are part of the ledger's format.
+    `Why`, see `session/words.py`. Where a parameter says how long, `config` does. The numbers of what is wrong with a
+    sample are part of the ledger's format.
     """
 
     _value_: int
@@ -171,17 +169,6 @@ class Missing(IntEnum):
     WRENCH = 8  # of the first contact; those of the others follow, then their slips
 
 
-MISSING = (
-    *("activation", "a good joint state{it}", "joint_states"),
-    *(f"{name} of contact {k}" for name in ("wrench", "slip") for k in range(MAX_CONTACTS)),
-)
-SENSORS = (
-    *("the slip sensor [m/s]", "the slip sensor [rad/s]", "the wrench sensor [N]", "the wrench sensor [N m]"),
-    "the joint velocity [rad/s]",
-)
-MISTAKES = tuple(health.words for health in SensorHealth)
-
-
 class WhyRecord(Record):
     """A `Why` in a buffer."""
 
@@ -255,6 +242,13 @@ def put_why(r: WhyRecord, why: Why) -> None:
 
 
 @part
+def find(found: WhyRecord, reason: int, which: int, value: float, limit: float) -> None:
+    """Record what is wrong; the first finding stays until it is cleared."""
+    if found.reason == Reason.NONE:
+        put_why(found, Why(0 + reason, 0, 0, which, value, limit))
+
+
+@part
 def since_when(since_ns: int, so: bool, now_ns: int) -> int:
     """Return since when something is so [ns], NEVER where it is not; since_ns: since when it was so until now."""
     if not so:
@@ -300,8 +294,7 @@ def first(config: ConditionsConfig, rows: Records[Condition], now_ns: int) -> Wh
     """Return the first condition of the table that has lasted, NOTHING where none has."""
     for k in range(SAMPLE_FAULTS, REASONS):
         if lasted(config, rows, k, now_ns):
-            why = rows[k].why
-            return Why(k, why.fault, 0, why.which, why.value, why.limit)
+            return read_why(rows[k].why)
     return NOTHING
 
 
@@ -351,81 +344,21 @@ def next_mode(config: ConditionsConfig, state: ModeState, why: Why, request: int
     A fault latches; a request to hold wins over one to continue; what inputs caused ends with its cause, what a user or
     a fault caused ends by a user.
     """
-    leads_to, before = LEADS_TO[why.reason], read_why(state.reason)
-    stops = leads_to == Mode.WAITING_INPUT or leads_to == Mode.HOLD
-    enabled = request == Request.ENABLE or (state.enabled != 0 and request != Request.HOLD)
+    if request == Request.FAILED:
+        why = because(Reason.INTERNAL.value, 0)
+    mode, before = LEADS_TO[why.reason], read_why(state.reason)
+    stops = mode == Mode.WAITING_INPUT or mode == Mode.HOLD
+    enabled = request == Request.ENABLE or (state.enabled != 0 and request != Request.HOLD and state.mode != Mode.FAULT)
     good_since = since_when(state.good_since_ns, not stops, now_ns)
+    rests = not stops and state.mode == Mode.HOLD and request != Request.ENABLE
     if state.mode == Mode.FAULT and request != Request.RESET_FAULT:
-        state.enabled, state.good_since_ns = 0, good_since
-        return
-    if request == Request.FAILED or leads_to == Mode.FAULT:
-        if request == Request.FAILED:
-            why = because(Reason.INTERNAL.value, 0)
-        _go(state, Mode.FAULT, why, False, good_since)
-        return
-    if state.mode == Mode.FAULT:
-        state.mode, enabled = Mode.HOLD, False
-    if stops:
-        _go(state, leads_to, why, enabled, NEVER)
-    elif not enabled:
+        mode, why, enabled = Mode.FAULT.value, before, False
+    elif mode == Mode.FAULT:
+        enabled = False
+    elif not stops and not enabled:
         asked = request == Request.HOLD or before.reason == Reason.ASKED
-        _go(state, Mode.HOLD, because(Reason.ASKED.value if asked else Reason.NOT_ENABLED.value, 0), False, good_since)
-    elif (
-        state.mode == Mode.HOLD
-        and request != Request.ENABLE
-        and (good_since == NEVER or now_ns - good_since < config.resume_after_ns)
-    ):
-        ended = Why(before.reason, before.fault, 1, before.which, before.value, before.limit)
-        _go(state, Mode.HOLD, ended, True, good_since)
-    else:
-        _go(state, leads_to, why, True, good_since)
-
-
-@part
-def _go(state: ModeState, mode: int, why: Why, enabled: bool, good_since_ns: int) -> None:
-    state.mode, state.enabled, state.good_since_ns = 0 + mode, 1 if enabled else 0, good_since_ns
+        mode, why = Mode.HOLD.value, because(Reason.ASKED.value if asked else Reason.NOT_ENABLED.value, 0)
+    elif rests and now_ns - good_since < config.resume_after_ns:
+        mode, why = Mode.HOLD.value, Why(before.reason, before.fault, 1, before.which, before.value, before.limit)
+    state.mode, state.enabled, state.good_since_ns = 0 + mode, 1 if enabled else 0, good_since
     put_why(state.reason, why)
-
-
-# -- outside of the cycle -----------------------------------------------------------------------------
-
-
-def describe(why: Why | WhyRecord | Any, joint_names: Sequence[str]) -> str:
-    """Return the words for it; an empty text where there is nothing."""
-    fault = Reason(why.fault).words
-    text = Reason(why.reason).words.format(
-        value=why.value,
-        limit=why.limit,
-        which=why.which,
-        joint=_name(why.which, joint_names),
-        fault=fault,
-        missing=", ".join(
-            word.format(it=f" (it {fault})" if fault else "")
-            for bit, word in enumerate(MISSING)
-            if why.which >> bit & 1
-        ),
-        mistake=_word(MISTAKES, why.which).format(value=why.value, limit=why.limit),
-        sensor=_word(SENSORS, why.which),
-    )
-    return f"resumes after: {text}" if why.over else text
-
-
-def reason_fields(why: Any, joint_names: Sequence[str]) -> dict[str, object]:
-    """Return the published fields beside the text: name and number, the fault of an input, and the numbers."""
-    reason = Reason(why.reason)
-    return {
-        "reason": reason.name,
-        "reason_number": reason.value,
-        "fault": Reason(why.fault).name,
-        "which": _name(why.which, joint_names) if "{joint}" in reason.words else why.which,
-        "value": f"{why.value:.6g}",
-        "limit": f"{why.limit:.6g}",
-    }
-
-
-def _word(words: Sequence[str], k: int) -> str:
-    return words[k] if 0 <= k < len(words) else ""
-
-
-def _name(joint: int, joint_names: Sequence[str]) -> str:
-    return "the pad" if joint < 0 else _word(joint_names, joint)

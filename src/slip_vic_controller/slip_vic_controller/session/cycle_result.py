@@ -15,7 +15,8 @@ from slip_core.types import Incident, JointCommand, JointSample
 from slip_vic_controller.config.controller import ArmController
 from slip_vic_controller.cycle.cycle import describe as describe_cycle
 from slip_vic_controller.law.symbols import SYMBOLS, published
-from slip_vic_controller.safety.conditions import Mode, Reason, describe, reason_fields
+from slip_vic_controller.safety.conditions import Mode, Reason
+from slip_vic_controller.session.words import describe, reason_fields
 from slip_vic_controller.state import GOVERNED, INPUTS, OUTPUTS
 
 _LEDGER = place(OUTPUTS, "ledger")

@@ -28,7 +28,7 @@ from slip_vic_controller.cycle.cycle import cycle
 from slip_vic_controller.interfaces import SlipFromDisplacement
 from slip_vic_controller.law.gains import gain_report
 from slip_vic_controller.params.controller_params import ControllerParams
-from slip_vic_controller.safety.conditions import SAMPLE_FAULTS, Missing, Mode, Reason, Request, describe
+from slip_vic_controller.safety.conditions import SAMPLE_FAULTS, Missing, Mode, Reason, Request
 from slip_vic_controller.safety.validation import JointInput, VectorInput, unanswered
 from slip_vic_controller.session.arrival import (
     begin_answer,
@@ -39,6 +39,7 @@ from slip_vic_controller.session.arrival import (
     receive_wrench,
 )
 from slip_vic_controller.session.cycle_result import NO_NUMBERS, CycleResult, Health
+from slip_vic_controller.session.words import describe
 from slip_vic_controller.sizes import ROOM
 from slip_vic_controller.state import (
     ARM_SIZE,
