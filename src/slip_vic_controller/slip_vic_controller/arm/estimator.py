@@ -286,11 +286,8 @@ def estimate_joints(
     if corrects:
         state.since = 0
     state.stamp_ns = stamp_ns
-    m, step, whole = (
-        config.late_ticks,
-        transition(config.bandwidth, dt / periods),
-        transition(config.bandwidth, config.period),
-    )
+    m, b = config.late_ticks, config.bandwidth
+    step, whole = transition(b, dt / periods), transition(b, config.period)
     for j in range(config.joints):
         x_q, x_v, x_d = state.q[j], state.v[j], state.d[j]
         for ago in range(m + periods - 1, m - 1, -1):

@@ -110,7 +110,7 @@ def _wrench_at_rest(c: ArmCycle, arms: Arms) -> tuple[Spatial, Spatial]:
     because arms can press on each other.
     """
     config, state, R = c.config, c.state, mat(c.inputs.arm.rotation)
-    expected, beyond, n = object_load(config.hold, R, R @ arm_of_load(config, state)), ZERO, len(arms.states)
+    expected, beyond, n = object_load(vec(config.hold.weight), R, arm_of_load(config, state)), ZERO, len(arms.states)
     if n == 1:
         return tared_wrench(config, state, R) - expected, expected
     for k in range(n):
@@ -285,18 +285,16 @@ def decide(c: ArmCycle, arms: Arms, alone: bool) -> None:
         wait(c, Why(Reason.WAITS.value, fault, 0, int(missing), 0.0, 0.0))
         return
     _classify_inputs(c, fault, alone)
-    good, restarts = outputs.health.wrench == Reason.NONE, state.law.known == 0
-    state.wrench_modelled = 0
-    if config.models_wrench != 0 or not (good or restarts):
-        model_wrench(c)
-    if restarts:
+    unknown = outputs.health.wrench != Reason.NONE and state.law.known != 0
+    if state.law.known == 0:
         begin_law(c)
         heavy = _too_heavy(config, state, inputs)
         if heavy.reason != Reason.NONE:
             wait(c, heavy)
             return
-    tared = state.tare.done != 0 and state.tare.found.reason == Reason.NONE
-    if config.tare.duration_ns > 0 and not tared:
+    tared = config.tare.duration_ns == 0 or (state.tare.done != 0 and state.tare.found.reason == Reason.NONE)
+    state.wrench_modelled = 0
+    if config.models_wrench != 0 or unknown or not tared:
         model_wrench(c)
     _obey(config, state, inputs)
     bad = not (usable(fault) or fault == Reason.NOT_RUN)

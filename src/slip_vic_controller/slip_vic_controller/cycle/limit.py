@@ -64,12 +64,12 @@ def finish(c: ArmCycle, q: Array, qd: Array) -> None:
         oppose_disturbance(config.estimator, state.estimate, inputs.arm.M, of_wrench, passed_s, judged, torque)
     avoid_limits(limits, q, qd, inputs.arm.M, torque)
     finite = limit_effort(limits, sent, torque, now_ns, clipped)
+    # Without a good joint state the effort stays as it was, and so does the acceleration.
+    arm, u = inputs.arm, state.estimate.inputs[state.estimate.newest].copy()
+    if arm.M[0, 0] > 0.0 and not joint_acceleration(n, arm.M, arm.bias, sent.effort + of_wrench, u):
+        u[:] = 0.0
     if not by_effort:
-        _move(c, of_wrench, moves_s)
-    u = state.estimate.inputs[state.estimate.newest].copy()
-    if by_effort:
-        _put_acceleration(c, of_wrench, u)
-    else:
+        _move(c, u, moves_s)
         u[:] = sent.velocity
     remember_input(config.estimator, state.estimate, u)
     if config.estimator.on != 0:
@@ -91,16 +91,15 @@ def finish(c: ArmCycle, q: Array, qd: Array) -> None:
 
 
 @part
-def _move(c: ArmCycle, of_wrench: Array, dt: float) -> None:
-    """Integrate the commanded motion with the effort; without the law it comes to rest.
+def _move(c: ArmCycle, qdd: Array, dt: float) -> None:
+    """Integrate the acceleration that the effort gives the joints (n,) [rad/s^2]; without the law it comes to rest.
 
     A pause counts no longer than in the effort limiter, and not at all where the command begins again: drives that have
     come to rest at the last command in between would take what it is worth in one period. dt: time that the command
     moves on [s].
     """
-    limits, motion, estimate, qdd = c.config.command, c.state.sent, c.state.estimate, np.zeros(MAX_JOINTS)
+    limits, motion, estimate = c.config.command, c.state.sent, c.state.estimate
     if follows(c.state.mode.mode):
-        _put_acceleration(c, of_wrench, qdd)
         advance_motion(limits, motion, qdd, estimate.velocity, dt)
         ignored = ignored_joint(limits, motion, estimate.velocity, dt)
         if ignored >= 0:
@@ -109,11 +108,3 @@ def _move(c: ArmCycle, of_wrench: Array, dt: float) -> None:
         stop_motion(limits, motion, dt)
         if estimate.found.reason == Reason.IGNORED:
             return_to(limits, motion, estimate.position, dt)
-
-
-@part
-def _put_acceleration(c: ArmCycle, of_wrench: Array, qdd: Array) -> None:
-    """Write the acceleration that the effort gives the joints (n,) [rad/s^2]; as it is without a good joint state."""
-    n, arm = c.config.law.joints, c.inputs.arm
-    if arm.M[0, 0] > 0.0 and not joint_acceleration(n, arm.M, arm.bias, c.state.sent.effort + of_wrench, qdd):
-        qdd[:] = 0.0
