@@ -107,9 +107,9 @@ def test_command_lead_is_bounded() -> None:
 
 def test_acceleration_solves_equation_of_motion() -> None:
     rng = np.random.default_rng(5)
-    A, bias, qdd = rng.normal(size=(N, N)), rng.normal(size=N), rng.normal(size=N)
-    M = A @ A.T + np.eye(N)
-    torque, found = M @ qdd + bias, np.zeros(MAX_JOINTS)
-    assert joint_acceleration(N, M, bias, torque, found)
+    A, J, h = rng.normal(size=(N, N)), rng.normal(size=(6, N)), rng.normal(size=6)
+    M, bias, qdd = A @ A.T + np.eye(N), rng.normal(size=N), rng.normal(size=N)
+    tau, found = M @ qdd + bias - J.T @ h, np.zeros(MAX_JOINTS)
+    assert joint_acceleration(N, M, bias, J, h, tau, found)
     np.testing.assert_allclose(found[:N], qdd, rtol=1e-10, atol=1e-12)
-    assert not joint_acceleration(N, -M, bias, torque, found)
+    assert not joint_acceleration(N, -M, bias, J, h, tau, found)

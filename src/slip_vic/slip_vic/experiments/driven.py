@@ -252,8 +252,7 @@ class _Arm:
         if self.sent.started == 0:
             start_motion(self.config.command, self.sent, result.joint.position, result.joint.velocity)
         arm, qdd = result.arm, np.zeros(self.joints)
-        torque = tau + arm.J[:, : self.joints].T @ self._law.h_ee
-        if not joint_acceleration(self.joints, arm.M, arm.bias, torque, qdd):
+        if not joint_acceleration(self.joints, arm.M, arm.bias, arm.J, self._law.h_ee, tau, qdd):
             raise LawError("no finite acceleration of the joints at this posture")
         advance_motion(self.config.command, self.sent, qdd, result.joint.velocity, self._period_s)
 

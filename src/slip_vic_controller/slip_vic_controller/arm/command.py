@@ -92,13 +92,16 @@ def start_motion(config: CommandLimits, state: SentCommand, q: Array, qd: Array)
 
 
 @part
-def joint_acceleration(n: int, M: Array, bias: Array, torque: Array, qdd: Array) -> bool:
-    """Write the joint acceleration M^-1 (torque - bias) of the modelled arm; False where there is none.
+def joint_acceleration(n: int, M: Array, bias: Array, J: Array, h: Array, tau: Array, qdd: Array) -> bool:
+    """Write the joint acceleration that an effort gives the modelled arm; False where there is none.
+
+    qdd = M^-1 (tau + J^T h - bias). The wrench h is the one that went into tau, so its noise cancels.
 
     Args:
         n: number of joints.
-        M: inertia (n, n) [kg m^2]; bias: C qd + g (n,) [N m].
-        torque: effort plus J^T h (n,) [N m]; with the wrench h that went into the effort its noise cancels.
+        M: inertia (n, n) [kg m^2]; bias: C qd + g (n,) [N m]; J: Jacobian (6, n) {w}.
+        h: wrench of the object on the robot (6,) [N, N m] {w}.
+        tau: effort (n,) [N m].
         qdd: result (n,) [rad/s^2].
 
     Implements: Eq. (1), solved for the acceleration.
@@ -107,7 +110,10 @@ def joint_acceleration(n: int, M: Array, bias: Array, torque: Array, qdd: Array)
     if not cholesky(M[:n, :n], L):
         return False
     for j in range(n):
-        qdd[j] = torque[j] - bias[j]
+        total = tau[j] - bias[j]
+        for i in range(6):
+            total += J[i, j] * h[i]
+        qdd[j] = total
     forward_substitute(L, qdd[:n], qdd[:n])
     back_substitute(L, qdd[:n], qdd[:n])
     return True

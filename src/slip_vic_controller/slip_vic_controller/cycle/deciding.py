@@ -110,7 +110,7 @@ def _wrench_at_rest(c: ArmCycle, arms: Arms) -> tuple[Spatial, Spatial]:
     because arms can press on each other.
     """
     config, state, R = c.config, c.state, mat(c.inputs.arm.rotation)
-    expected, beyond, n = object_load(vec(config.hold.weight), R, arm_of_load(config, state)), ZERO, len(arms.states)
+    expected, beyond, n = object_load(config.hold, R, R @ arm_of_load(config, state)), ZERO, len(arms.states)
     if n == 1:
         return tared_wrench(config, state, R) - expected, expected
     for k in range(n):

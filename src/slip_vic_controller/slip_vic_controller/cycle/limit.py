@@ -6,7 +6,7 @@ import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.compiled import part
-from slip_core.vectors import mat
+from slip_core.vectors import mat, put_spatial
 from slip_vic_controller.arm.command import (
     Interface,
     advance_motion,
@@ -18,7 +18,6 @@ from slip_vic_controller.arm.command import (
 )
 from slip_vic_controller.arm.estimator import oppose_disturbance, remember_input
 from slip_vic_controller.cycle.sensing import own_wrench
-from slip_vic_controller.law.arm import column
 from slip_vic_controller.safety.conditions import Reason, because, find, follows, see
 from slip_vic_controller.safety.limits import avoid_limits, limit_effort, needs_restart, start_limiter
 from slip_vic_controller.sizes import MAX_JOINTS
@@ -37,10 +36,12 @@ def finish(c: ArmCycle, q: Array, qd: Array) -> None:
     n, now_ns, limits, sent = config.law.joints, inputs.now_ns, config.command, state.sent
     by_effort, at_work = limits.interface == Interface.EFFORT, follows(state.mode.mode)
     moves_s = passed_s = 1e-9 * min(max(now_ns - state.now_ns, 0), limits.longest_step_ns)
-    R_ee, of_wrench = mat(inputs.arm.rotation), np.zeros(MAX_JOINTS)
-    h = R_ee @ own_wrench(config, state, R_ee)
+    arm, h, of_wrench = inputs.arm, np.empty(6), np.zeros(MAX_JOINTS)
+    R_ee = mat(arm.rotation)
+    put_spatial(h, R_ee @ own_wrench(config, state, R_ee))
     for j in range(n):
-        of_wrench[j] = h.dot(column(inputs.arm, j))
+        for i in range(6):
+            of_wrench[j] += arm.J[i, j] * h[i]
     if needs_restart(limits, sent, now_ns):
         begins = sent.started == 0
         # Loops of the drives overcome friction, which the model does not have: there it begins with gravity.
@@ -65,8 +66,8 @@ def finish(c: ArmCycle, q: Array, qd: Array) -> None:
     avoid_limits(limits, q, qd, inputs.arm.M, torque)
     finite = limit_effort(limits, sent, torque, now_ns, clipped)
     # Without a good joint state the effort stays as it was, and so does the acceleration.
-    arm, u = inputs.arm, state.estimate.inputs[state.estimate.newest].copy()
-    if arm.M[0, 0] > 0.0 and not joint_acceleration(n, arm.M, arm.bias, sent.effort + of_wrench, u):
+    u = state.estimate.inputs[state.estimate.newest].copy()
+    if arm.M[0, 0] > 0.0 and not joint_acceleration(n, arm.M, arm.bias, arm.J, h, sent.effort, u):
         u[:] = 0.0
     if not by_effort:
         _move(c, u, moves_s)

@@ -38,7 +38,7 @@ from slip_vic_controller.law.gains import LawGains, gains_at
 from slip_vic_controller.law.law import predict_motion
 from slip_vic_controller.law.object import integrate_slips, mean_arm, sharing
 from slip_vic_controller.safety.conditions import Reason, follows, lasted
-from slip_vic_controller.safety.hold import object_load, plausible_arm
+from slip_vic_controller.safety.hold import plausible_arm
 from slip_vic_controller.sizes import NEVER
 from slip_vic_controller.state import ArmCycle, ArmState, ControllerConfig, CycleOutputs, TaskState
 
@@ -89,12 +89,14 @@ def model_wrench(c: ArmCycle) -> None:
     force = vec(hold.weight)
     if follows(state.mode.mode) and law.known != 0:
         force = force - hold.mass * vec(c.task.desired.acceleration)
-    of_object = pad_rotation(config.law.contact[0], law.slips[0]) @ object_load(force, R, arm_of_load(config, state))
+    R_o = R @ pad_rotation(config.law.contact[0], law.slips[0]).T()
+    of_object = Spatial(force, -(R @ arm_of_load(config, state)).cross(force))
     state.wrench_modelled = 1
     for k in range(config.law.contacts):
         if inputs.arm.M[0, 0] > 0.0:
-            to_pad = pad_rotation(config.law.contact[k], law.slips[k]).T()
-            put_spatial(state.wrench_of_model[k], to_pad @ of_object)
+            put_spatial(
+                state.wrench_of_model[k], (R_o @ pad_rotation(config.law.contact[k], law.slips[k])).T() @ of_object
+            )
 
 
 # -- what loads the contact, and the one estimate of slip, friction and sensors ------------------------

@@ -294,7 +294,8 @@ def first(config: ConditionsConfig, rows: Records[Condition], now_ns: int) -> Wh
     """Return the first condition of the table that has lasted, NOTHING where none has."""
     for k in range(SAMPLE_FAULTS, REASONS):
         if lasted(config, rows, k, now_ns):
-            return read_why(rows[k].why)
+            why = rows[k].why
+            return Why(k, why.fault, 0, why.which, why.value, why.limit)
     return NOTHING
 
 

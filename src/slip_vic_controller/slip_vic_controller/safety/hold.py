@@ -43,9 +43,10 @@ class Hold(Record):
 
 
 @part
-def object_load(force: Vec, R: Mat, r: Vec) -> Spatial:
-    """Return the wrench on the pad of a force {w} on the object; R: pad to {w}; r = x_c - x_o; {ee}."""
-    return R.T() @ Spatial(force, -(R @ r).cross(force))
+def object_load(config: HoldConfig, R: Mat, r: Vec) -> Spatial:
+    """Return the wrench on the pad of a resting object; R: pad to {w}; r = x_c - x_o {w} -> {ee}."""
+    weight = vec(config.weight)
+    return R.T() @ Spatial(weight, -r.cross(weight))
 
 
 @part
@@ -74,7 +75,7 @@ def update_load_error(config: HoldConfig, state: Hold, arm: Arm, r_pad: Vec, mea
         dt: since the cycle before [s].
     """
     R, error = mat(arm.rotation), spatial(state.load_error)
-    model = object_load(vec(config.weight), R, r_pad)
+    model = object_load(config, R, R @ r_pad)
     most, beyond = model.linear.norm(), measured - model
     wanted = Spatial(_shortened(beyond.linear, most), _shortened(beyond.angular, LOAD_LEVER * most))
     put_spatial(state.load_error, error + (1.0 - math.exp(-dt / MEAN_S)) * (wanted - error))
@@ -111,11 +112,13 @@ def hold_effort(
     R = mat(arm.rotation)
     R_o, r, a, w = R @ pad.T(), R @ r_pad, motion.linear, motion.angular
     force = config.mass * (a + r.cross(w))
-    of_object = Spatial(force, R_o @ (mat(config.inertia) @ (R_o.T() @ w)) + force.cross(r))
+    moment = R_o @ (mat(config.inertia) @ (R_o.T() @ w)) + force.cross(r)
     for j in range(n):
-        total = 0.5 * of_object.dot(column(arm, j))
+        total = 0.0
         for i in range(n):
             total += arm.M[j, i] * qdd[i]
+        total += 0.5 * force.dot(column(arm, j).linear)
+        total += 0.5 * moment.dot(column(arm, j).angular)
         torque[j] = arm.gravity[j] + total
 
 
@@ -152,6 +155,7 @@ def keep_posture(
 def carry_load(config: HoldConfig, state: Hold, arm: Arm, r_pad: Vec, torque: Array) -> None:
     """Add -J^T h to `torque` (n,) [N m]: the load of an object that does not fall; arguments as in `hold_effort`."""
     R = mat(arm.rotation)
-    h = R @ (object_load(vec(config.weight), R, r_pad) + spatial(state.load_error))
+    h = R @ (object_load(config, R, R @ r_pad) + spatial(state.load_error))
     for j in range(config.joints):
-        torque[j] -= h.dot(column(arm, j))
+        torque[j] -= h.linear.dot(column(arm, j).linear)
+        torque[j] -= h.angular.dot(column(arm, j).angular)
