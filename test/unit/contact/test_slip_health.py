@@ -10,6 +10,7 @@ import pytest
 from slip_core.records import new, record
 from slip_core.vectors import NOTHING, spatial
 from slip_vic.setup.slip_sensor import against_motion
+from slip_vic_controller.arm.estimator import SIGNIFICANT
 from slip_vic_controller.contact.estimate import SensorHealth
 from slip_vic_controller.contact.friction_estimate import GIVES_M
 from slip_vic_controller.contact.slip_health import (
@@ -74,13 +75,13 @@ def read(
     return Readings(times, v, times[at] + stamps_s, readings, 6.0 * noise)
 
 
-def found_in(given: Readings, differs: float, quantum: float = 0.0, bias: float = 0.0) -> Any:
+def found_in(given: Readings, differs: float, quantum: float = 0.0, bias: float = 0.0, sure: float = 0.0) -> Any:
     """Return the evidence of readings, where the motion drags the object."""
     state = evidence()
     for stamp, z in zip(given.stamps, given.readings, strict=True):
         drags = given.motion[np.clip(np.searchsorted(given.times, stamp), 0, len(given.times) - 1)]
         add_reading(state, round(1e9 * stamp), spatial(z), spatial(drags), bool(np.linalg.norm(z) > given.least))
-    judge_health(state, differs, bias, quantum)
+    judge_health(state, differs, sure, bias, quantum)
     return state
 
 
@@ -110,6 +111,8 @@ def test_mistake_is_named(name: str, sensor: str) -> None:
         state = found_in(given, TEN_DEGREES)
         wrong, by = SensorHealth(int(state.found)), state.value
     assert wrong == health
+    if name in ("x", "y", "all", "turning", "swapped"):
+        assert found_in(given, DIFFERS, sure=SIGNIFICANT).found == health
     assert value is None or by == pytest.approx(value, rel=0.1)
     assert health.to_do or health == SensorHealth.OK
 
@@ -123,9 +126,15 @@ def test_held_values_are_counted(quantum: float, health: SensorHealth) -> None:
 
 
 @pytest.mark.parametrize("sensor", SENSORS)
-def test_little_is_no_evidence(sensor: str) -> None:
-    """Pads give way so far, to and fro."""
+def test_little_is_no_evidence_nor_is_an_outlier(sensor: str) -> None:
+    """Pads give way so far, to and fro; one outlier is longer."""
     assert found_in(read(sensor, -np.eye(3), way=0.1 * GIVES_M), DIFFERS).found == SensorHealth.OK
+    state = evidence()
+    for k, speed in enumerate((0.01, -0.5)):
+        add_reading(state, k * 4 * 10**6, spatial(speed * AXES), spatial(AXES), True)
+    for sure, found in ((0.0, SensorHealth.INVERTED), (SIGNIFICANT, SensorHealth.OK)):
+        judge_health(state, DIFFERS, sure, 0.0, 0.0)
+        assert state.found == found
 
 
 def test_a_bias_explains_as_much_of_the_way_as_it_may_have_moved() -> None:

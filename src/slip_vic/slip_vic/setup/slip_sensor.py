@@ -57,7 +57,7 @@ def compare(times: Array, drags: Array, stamps: Array, readings: Array, least: f
     for k in np.flatnonzero(np.isfinite(readings).all(axis=1)):
         slips = bool(np.linalg.norm(readings[k]) > least)
         add_reading(state, round(1e9 * stamps[k]), spatial(readings[k]), spatial(drags[at[k]]), slips)
-    judge_health(state, differs, 0.0, 0.0)
+    judge_health(state, differs, 0.0, 0.0, 0.0)
     return state
 
 

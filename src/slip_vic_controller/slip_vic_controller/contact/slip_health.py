@@ -3,7 +3,9 @@
 The control cycle, a bring-up and `identify` use the same code; `SensorHealth` has the texts. The tests:
 
 - Friction opposes slip, so the pad slides over the object in the direction d in which it drags it, whatever the
-  coefficient. With M = sum v dt d^T over the slip path, a mounting T explains tr(T M) of it; the best counts.
+  coefficient. With M = sum v dt d^T over the slip path, a mounting T explains tr(T M) of it; the best counts, if the
+  difference is no chance: a sum of independent errors of any symmetric distribution, outliers included, exceeds z times
+  the root of the sum of their squares with a probability below exp(-z^2 / 2) (B. Efron, 1969).
 - Measured values differ: a value repeated under new stamps was held.
 """
 
@@ -34,8 +36,10 @@ class SlipEvidence(Record):
     read: Vec6  # m/s {ee}; it
     way: Mat3  # m {ee}; M
     length: Real  # m; of the way slipped
+    squares: Real  # m^2; sum of the squares of its steps
     spun: Real  # m; of turning in the direction in which the pad drags the object
     turned: Real  # m; of all turning
+    turned_squares: Real  # m^2
     count: Whole  # readings of slip
     changes: Whole  # and how many of them differ from the one before
     span_s: Real  # time between them
@@ -52,6 +56,7 @@ def start_health(state: SlipEvidence) -> None:
     """Start without readings."""
     state.read_ns, state.found, state.value, state.limit = NEVER, SensorHealth.OK.value, 0.0, 0.0
     state.read[:], state.way[:], state.length, state.spun, state.turned = 0.0, 0.0, 0.0, 0.0, 0.0
+    state.squares = state.turned_squares = 0.0
     state.count, state.changes, state.span_s = 0, 0, 0.0
 
 
@@ -80,22 +85,26 @@ def add_reading(state: SlipEvidence, stamp_ns: int, v: Spatial, drags: Spatial, 
             for j in range(3):
                 state.way[i, j] += step[i] * d[j]
         state.length += step.norm()
+        state.squares += step.dot(step)
     if torque > 0.0:
-        state.spun += dt / torque * v.angular.dot(drags.angular)
-        state.turned += dt * v.angular.norm()
+        turn = dt * v.angular
+        state.spun += turn.dot(drags.angular) / torque
+        state.turned += turn.norm()
+        state.turned_squares += turn.dot(turn)
 
 
 @part
-def judge_health(state: SlipEvidence, differs: float, bias: float, quantum: float) -> None:
+def judge_health(state: SlipEvidence, differs: float, significant: float, bias: float, quantum: float) -> None:
     """Write the result, a cause before its consequences.
 
     Args:
         state: changed.
         differs: see DIFFERS; as a share of the path, 1 - cos of an angle.
+        significant: z, from which a sum of readings is no chance; 0 where none of them is an outlier.
         bias: largest one of the readings [m/s]: its contribution to the path, back and forth, is no evidence.
         quantum: step of the readings [m/s]: with a step, equal values do not mean that they were held.
     """
-    state.found, state.value, state.limit = mounting(state, differs, bias), 0.0, 0.0
+    state.found, state.value, state.limit = mounting(state, differs, significant, bias), 0.0, 0.0
     if quantum == 0.0 and state.count >= ROOM and 2 * state.changes < state.count:
         state.found = SensorHealth.HELD.value
         state.value, state.limit = state.changes / state.span_s, state.count / state.span_s
@@ -105,7 +114,7 @@ def judge_health(state: SlipEvidence, differs: float, bias: float, quantum: floa
 
 
 @part
-def mounting(state: SlipEvidence, differs: float, bias: float) -> int:
+def mounting(state: SlipEvidence, differs: float, significant: float, bias: float) -> int:
     """Return the mounting that explains most if it is not the configured one, else OK."""
     M = mat(state.way)
     x, y, z = M.x.x, M.y.y, M.z.z
@@ -119,12 +128,15 @@ def mounting(state: SlipEvidence, differs: float, bias: float) -> int:
         M.z.x + M.x.z - z - x,
     )
     astray = 2.0 * bias * state.span_s
-    found, most = SensorHealth.OK.value, differs * max(state.length, GIVES_M) + astray
+    by_chance = 2.0 * significant * math.sqrt(state.squares)
+    found, most = SensorHealth.OK.value, max(differs * max(state.length, GIVES_M), by_chance) + astray
     for i in range(len(better)):
         if better[i] > most:
             found, most = SensorHealth.X_INVERTED.value + i, better[i]
     if math.hypot(x + y, M.x.y - M.y.x) - x - y > PLAIN * most:
         found = SensorHealth.TURNED.value
-    if found == SensorHealth.OK and -2.0 * state.spun > differs * max(state.turned, GIVES_M) + astray:
+    by_chance = 2.0 * significant * math.sqrt(state.turned_squares)
+    turns = max(differs * max(state.turned, GIVES_M), by_chance) + astray
+    if found == SensorHealth.OK and -2.0 * state.spun > turns:
         found = SensorHealth.TURNS_INVERTED.value
     return int(found)

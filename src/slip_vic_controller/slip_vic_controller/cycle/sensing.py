@@ -9,7 +9,7 @@ from slip_core.compiled import part
 from slip_core.records import Records
 from slip_core.vectors import NOTHING, ZERO, Mat, Spatial, Vec, mat, put_mat, put_spatial, spatial, vec
 from slip_vic_controller.arm.command import Interface
-from slip_vic_controller.arm.estimator import EstimatorConfig
+from slip_vic_controller.arm.estimator import SIGNIFICANT, EstimatorConfig
 from slip_vic_controller.contact.belief import BELIEF_TUNING, certain_share, keep_past, see_load, see_slip, sliding
 from slip_vic_controller.contact.estimate import SensorHealth
 from slip_vic_controller.contact.friction_estimate import (
@@ -181,7 +181,7 @@ def estimate_contact(c: ArmCycle, unknown: bool, dt: float) -> None:
             see_slip(pad.belief, sample.stamp_ns, size(slip), limits.friction.threshold)
         if alone and limits.friction.quantum != math.inf:
             add_reading(pad.sensor, sample.stamp_ns, slip, -spatial(evidence.measured), contact.slipping != 0)
-            judge_health(pad.sensor, DIFFERS, config.tare.slip_linear, limits.friction.quantum)
+            judge_health(pad.sensor, DIFFERS, SIGNIFICANT, config.tare.slip_linear, limits.friction.quantum)
     if alone and dt > 0.0:
         weigh_evidence(c, measured, found, dt)
     put_certain(limits.friction, contact)
