@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from slip_core.vectors import spatial
 from slip_vic_controller.arm.tare import (
     MOVED,
     ROUGH,
@@ -45,7 +46,7 @@ def begun() -> Tare:
 def take(config: TareConfig, state: Tare, weight: np.ndarray, way: float = 0.0) -> None:
     """Take the biases after SAMPLES ms of rest, in which every joint moves by `way` [rad]."""
     state.begun_ns, state.position[:] = 0, 0.4
-    take_biases(config, state, weight, SAMPLES * 1_000_000, np.full(N, 0.4 + way))
+    take_biases(config, state, spatial(weight), SAMPLES * 1_000_000, np.full(N, 0.4 + way))
 
 
 @pytest.mark.parametrize("seed", range(5))
