@@ -53,16 +53,17 @@ def test_grip_follows_a_heavy_path(gripper: str) -> None:
 def test_squeeze_rises_at_once_sinks_slowly_and_only_rises_in_a_slip() -> None:
     config, grip = map(blank, (GripConfig, Grip))
     config.cap, config.least_force, config.error_force, grip.command = 10.0, 0.5, 0.1, 1.0
-    for needed, slides, expected in (
-        (3.0, False, 3.1),
-        (1.0, False, 1.1 + 2.0 * math.exp(-1e-3 / SINKS_S)),
-        (1.0, True, (1.1 + 2.0 * math.exp(-1e-3 / SINKS_S)) * math.exp(1e-3 / SINKS_S)),
-        (50.0, True, 10.0),
+    for needed, slips, slides, expected in (
+        (3.0, False, False, 3.1),
+        (1.0, True, False, 3.1),
+        (1.0, False, False, 1.1 + 2.0 * math.exp(-1e-3 / SINKS_S)),
+        (1.0, True, True, (1.1 + 2.0 * math.exp(-1e-3 / SINKS_S)) * math.exp(1e-3 / SINKS_S)),
+        (50.0, True, True, 10.0),
     ):
-        call(squeeze, config, grip, needed, slides, 1e-3)
+        call(squeeze, config, grip, needed, slips, slides, 1e-3)
         assert grip.command == pytest.approx(expected, rel=1e-12)
     for _ in range(1000):
-        call(squeeze, config, grip, 0.0, False, 1e-3)
+        call(squeeze, config, grip, 0.0, False, False, 1e-3)
     assert grip.command == pytest.approx(0.5, abs=1e-9), "never below the least force"
 
 

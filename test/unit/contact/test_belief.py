@@ -6,9 +6,12 @@ from scipy.stats import norm
 
 from slip_vic_controller.contact.belief import (
     BELIEF_TUNING,
+    PRIOR,
+    PRIORS,
     RATIO,
     Belief,
     certain_share,
+    change_friction,
     keep_past,
     see_load,
     see_slip,
@@ -98,7 +101,29 @@ def test_sample_is_bayes_rule_at_its_stamp() -> None:
 def test_noise_is_found() -> None:
     state, rng, raw = belief(), np.random.default_rng(2), 0.05
     for _ in range(3000):
-        wrench = np.array([0.5 + raw * rng.normal(), 0, 0, 0, 0, 0])
+        wrench = np.array([0.5 + raw * rng.normal(), raw * rng.normal(), 0, 0, 0, 0])
         call(see_load, state, wrench, 0.5, F, DT)
     share = -np.expm1(-DT / BELIEF_TUNING.wrench_s)
     assert state.noise == pytest.approx(raw * np.sqrt(share / (2.0 - share)), rel=0.2)
+
+
+@pytest.mark.parametrize("load", [0.09, 0.9])
+def test_noise_is_no_load_that_friction_carries(load) -> None:
+    """The peaks of a noisy wrench teach no friction: with a probe of 0.01 N the squeeze still carries the load."""
+    state, rng, carried = belief(load), np.random.default_rng(3), load / 0.9
+    for _ in range(10_000):
+        wrench = np.array([load + 0.1 * rng.normal(), 0.1 * rng.normal(), 0, 0, 0, 0])
+        call(see_load, state, wrench, load, carried * F, DT)
+    assert load * call(certain_share, state, 0.01) < load + 0.01
+
+
+def test_belief_without_evidence_returns_to_the_prior() -> None:
+    prior, state = belief(), belief()
+    ride(state, 0.9, 0.9, 0.3)
+    state.slides[:] = 0.0
+    before = np.abs(all_of(state) - all_of(prior)).sum()
+    for _ in range(20):
+        call(change_friction, state, 1.0)
+        call(change_friction, prior, 1.0)
+    np.testing.assert_allclose(prior.sticks, PRIOR / PRIORS, rtol=1e-9)
+    assert np.abs(all_of(state) - all_of(prior)).sum() < 0.5 * before

@@ -9,6 +9,10 @@ carries, a_i at r_i and b_i at k r_i, sets the squeeze.
 
 p follows the wrench only while the object sticks: in a slip the measured load falls with friction, and a squeeze that
 followed it would lose the object. s absorbs a wrong mass, the means a wrong centre of mass.
+
+Noise must not look like a load that friction carries, for the evidence of many cycles adds up: the size of the noise is
+taken off l, what sticks carries p corrected by l only as far as p is in doubt, and slip is expected only where the load
+exceeds F_i beyond doubt. Without evidence the belief returns to the prior.
 """
 
 from __future__ import annotations
@@ -37,7 +41,7 @@ class Tuning(NamedTuple):
     slides_cells: int = 2  # k = exp(-2 step) = 0.907, friction of what slides over friction of what sticks
     spread: float = 0.25  # standard deviation of log r at first
     diffusion: float = 0.05  # of log r, after one second: friction changes
-    change_rate: float = 1e-3  # 1/s, of a sudden change: back to the prior
+    change_rate: float = 1e-2  # 1/s, of a sudden change: any friction by the prior
     mean_s: float = 0.04  # T, of the means of loads
     scale_s: float = 1.0  # memory of the regression
     known_scale: float = 0.1  # of friction: changes of the load that teach it as much as is configured
@@ -57,11 +61,12 @@ class Tuning(NamedTuple):
     least_band: float = 0.05  # likelihood of reading no slip while it slides
     most_band: float = 0.5
     outlier: float = 0.03  # likelihood of reading a slip where there is none
-    counts: float = 2.0  # standard deviations by which a measured load must exceed the modelled one to count
+    counts: float = 2.0  # standard deviations by which a load must exceed another one to count
     stands: float = 0.9  # share of the commanded load that counts whatever the wrench measures
     past_s: float = 0.004  # between two times that are kept
     noise_s: float = 0.1  # in which the noise of the load is found
-    of_change: float = 1.0 / 0.954  # standard deviation over the median of the change between two readings
+    axes: float = 2.0  # along which the wrench is noisy
+    of_change: float = 0.5 / math.sqrt(math.log(2.0))  # of one axis: standard deviation over the median of changes
     least_noise: float = 5e-3  # of friction
     first_noise: float = 0.03  # of friction
 
@@ -72,6 +77,8 @@ RATIO: Final = np.array([BELIEF_TUNING.least_ratio * math.exp(i * BELIEF_TUNING.
 PRIOR: Final = np.array([math.exp(-0.5 * (math.log(r) / BELIEF_TUNING.spread) ** 2) for r in RATIO.tolist()])
 """Probability of each hypothesis at first, over `PRIORS`."""
 PRIORS: Final = float(np.cumsum(PRIOR)[-1])  # `sum` rounds differently from Python 3.12 on
+RISE: Final = np.sqrt(np.append(PRIOR[1:] / PRIOR[:-1], 1.0))
+"""Diffusion to the next hypothesis, over the one without a prior; back: the inverse. The prior is stationary then."""
 _SQRT_HALF: Final = math.sqrt(0.5)
 
 
@@ -85,8 +92,8 @@ class Belief(Record):
     load: Vec6  # N, mean of the load of the wrench over wrench_s, on pad axes
     carried: Real  # N, l, its size
     drawn: Real  # N, mean of d over wrench_s
-    last: Real  # N, size of the load of the cycle before
-    noise: Real  # N, standard deviation of l
+    last: Vec6  # N, load of the cycle before
+    noise: Real  # N, standard deviation of the mean load along an axis
     square: Real  # N^2, mean square of the changes of d
     product: Real  # N^2, mean product of those of d and l
     needed: Real  # N, p
@@ -105,8 +112,9 @@ def below(x: float) -> float:
 def start_belief(state: Belief, load: float, F: float) -> None:
     """Begin at rest with a load [N]; F: friction as configured at this grip [N]."""
     state.sticks[:], state.slides[:] = PRIOR / PRIORS, 0.0
-    state.measured = state.commanded = state.drawn = state.carried = state.last = state.needed = load
+    state.measured = state.commanded = state.drawn = state.carried = state.needed = load
     put_spatial(state.load, Spatial(Vec(load, 0.0, 0.0), ZERO))
+    put_spatial(state.last, Spatial(Vec(load, 0.0, 0.0), ZERO))
     state.noise, state.square, state.product, state.count = BELIEF_TUNING.first_noise * F, 0.0, 0.0, 0
 
 
@@ -132,15 +140,16 @@ def model_load(state: Belief, load: Spatial, d: float, F: float, dt: float) -> t
     """
     t, stuck = BELIEF_TUNING, 1.0 - sliding(state)
     stuck = stuck if stuck >= 1.0 - t.slides else 0.0
-    size, share = math.sqrt(load.dot(load)), 1.0 - math.exp(-dt / t.wrench_s)
-    step = abs(size - state.last) * math.sqrt(0.5 * share)
+    share, change = 1.0 - math.exp(-dt / t.wrench_s), load - spatial(state.last)
+    step = math.sqrt(0.5 * share * change.dot(change))
     if stuck > 0.0 and step > 0.0:  # a wrench that is repeated has no noise
         grows = step * t.of_change > state.noise
         state.noise = max(state.noise * (1.0 + (dt if grows else -dt) / t.noise_s), t.least_noise * F)
-    state.last, mean = size, spatial(state.load)
+    put_spatial(state.last, load)
+    mean = spatial(state.load)
     mean = mean + share * (load - mean)
     put_spatial(state.load, mean)
-    state.carried = math.sqrt(mean.dot(mean))
+    state.carried = math.sqrt(max(mean.dot(mean) - t.axes * state.noise * state.noise, 0.0))  # noise has a size too
     state.drawn += share * (d - state.drawn)
     x, y = state.drawn - state.commanded, state.carried - state.measured
     share = stuck * dt / t.scale_s
@@ -169,16 +178,19 @@ def see_load(state: Belief, load: Spatial, d: float, F: float, dt: float) -> Non
     p, change = model_load(state, load, d, F, dt)
     carried, noise = state.carried, state.noise
     power = min(dt / t.wrench_s, 1.0)
-    variance = noise * noise + (t.model_error * change) ** 2 + (t.load_error * carried) ** 2
+    of_model = (t.model_error * change) ** 2 + (t.load_error * carried) ** 2
+    variance = noise * noise + of_model
+    believed, doubt = p + (carried - p) * of_model / variance, noise * noise * of_model / variance  # of both together
+    pulls = max(p, carried - t.counts * noise)
     lacks = max(p - carried, 0.0)  # a load beyond what the motion needs is carried all the same
     fits = -0.5 * lacks * lacks / variance
     for i in range(RATIOS):
         F_i = RATIO[i] * F
         x = t.transition * F_i + noise
-        on = min(dt / t.onset_s * below((max(carried, p) - F_i) / x - 1.0) + t.onset_rate * dt, 1.0)
+        on = min(dt / t.onset_s * below((pulls - F_i) / x - t.counts) + t.onset_rate * dt, 1.0)
         off = min(dt / t.ends_s * below((k * F_i - p) / x + 1.0), 1.0)
         a, b = state.sticks[i], state.slides[i]
-        holds = min(2.0 * below((F_i - carried) / math.hypot(noise, t.load_error * F_i)), 1.0)
+        holds = min(2.0 * below((F_i - believed) / math.sqrt(doubt + (t.load_error * F_i) ** 2)), 1.0)
         by_sticking = max(fits + math.log(max(holds, t.least_likelihood)), floor)
         gap = max(k * F_i - carried, carried - F_i, 0.0)  # what slides slowly carries nearly as much as what sticks
         by_sliding = max(-0.5 * gap * gap / (noise * noise + (t.sliding_error * F_i) ** 2), floor)
@@ -189,18 +201,20 @@ def see_load(state: Belief, load: Spatial, d: float, F: float, dt: float) -> Non
 
 @part
 def change_friction(state: Belief, dt: float) -> None:
-    """Let friction diffuse and occasionally jump to any value; normalise."""
+    """Let friction diffuse, back to the prior in the end, and occasionally jump to any value; normalise."""
     t, total = BELIEF_TUNING, 0.0
     for i in range(RATIOS):
         total += state.sticks[i] + state.slides[i]
     moves = 0.5 * dt * (t.diffusion / t.step) ** 2  # to each neighbour
     renewed = t.change_rate * dt
-    sticks_before, slides_before = state.sticks[0], state.slides[0]
+    a_in = b_in = 0.0  # from the neighbour before
     for i in range(RATIOS):
-        a, b, after = state.sticks[i], state.slides[i], min(i + 1, RATIOS - 1)
-        a_new = a + moves * (sticks_before + state.sticks[after] - 2.0 * a)
-        b_new = b + moves * (slides_before + state.slides[after] - 2.0 * b)
-        sticks_before, slides_before = a, b
+        a_new, b_new = state.sticks[i] + a_in, state.slides[i] + b_in
+        if i + 1 < RATIOS:
+            up, down = moves * RISE[i], moves / RISE[i]
+            a_in = up * state.sticks[i] - down * state.sticks[i + 1]
+            b_in = up * state.slides[i] - down * state.slides[i + 1]
+            a_new, b_new = a_new - a_in, b_new - b_in
         state.sticks[i] = (1.0 - renewed) * a_new / total + renewed * PRIOR[i] / PRIORS
         state.slides[i] = (1.0 - renewed) * b_new / total
 

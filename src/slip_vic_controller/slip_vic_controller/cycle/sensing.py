@@ -13,6 +13,7 @@ from slip_vic_controller.arm.estimator import SIGNIFICANT, EstimatorConfig
 from slip_vic_controller.contact.belief import BELIEF_TUNING, certain_share, keep_past, see_load, see_slip, sliding
 from slip_vic_controller.contact.estimate import SensorHealth
 from slip_vic_controller.contact.friction_estimate import (
+    OBSERVED,
     QUIET_NS,
     certify,
     learn_carried,
@@ -148,7 +149,8 @@ def hold_on(c: ArmCycle, dt: float) -> None:
         carries += load_ahead(task.grid, task.governor.time, config.grip.preview_s)
     pad.contact.F_risk = config.governor.friction.configured * certain_share(pad.belief, config.grip.risk)
     needed = carries * config.grip.nominal_force / pad.contact.F_risk
-    squeeze(config.grip, state.grip, needed, sliding(pad.belief) > BELIEF_TUNING.slides, dt)
+    slides = sliding(pad.belief) > BELIEF_TUNING.slides
+    squeeze(config.grip, state.grip, needed, pad.contact.slipping != 0, slides, dt)
     if pulls(config, state, Handover.OPEN.value, state.now_ns):
         state.grip.opens = 1
     if state.grip.opens == 0:  # open, it carries nothing
@@ -178,7 +180,7 @@ def estimate_contact(c: ArmCycle, unknown: bool, dt: float) -> None:
         slip = Spatial(v.linear, limits.radius * v.angular)  # S v_s, turning as a speed at the torsional radius
         slip_sample(limits.friction, contact, friction, sample.stamp_ns, slip, found)
         if config.grip.follow != 0:
-            see_slip(pad.belief, sample.stamp_ns, size(slip), limits.friction.threshold)
+            see_slip(pad.belief, sample.stamp_ns, size(slip), (OBSERVED if found else 1.0) * limits.friction.threshold)
         if alone and limits.friction.quantum != math.inf:
             add_reading(pad.sensor, sample.stamp_ns, slip, -spatial(evidence.measured), contact.slipping != 0)
             judge_health(pad.sensor, DIFFERS, SIGNIFICANT, config.tare.slip_linear, limits.friction.quantum)

@@ -3,8 +3,8 @@
     N = (L + eps) / (mu r),   L = max(p, |l| - noise, 0.9 d) + what the plan rises by within the preview
 
 mu: configured friction, r: the fraction of it that is certain by the belief; p, l, d: see `contact.belief`; eps: the
-load that is probed anyway. The command rises at once and falls slowly. While the object slides it only rises: the
-measured load falls then, and a squeeze that followed it would lose the object. The gripper is not measured, but
+load that is probed anyway. The command rises at once and falls slowly. While the object slips it does not fall: the
+measured load does, and a squeeze that followed it would lose the object. The gripper is not measured, but
 modelled by a first-order lag and its smallest force for a command.
 """
 
@@ -78,13 +78,14 @@ def load_to_hold(belief: Belief, commanded: float) -> float:
 
 
 @part
-def squeeze(config: GripConfig, grip: Grip, needed: float, slides: bool, dt: float) -> None:
+def squeeze(config: GripConfig, grip: Grip, needed: float, slips: bool, slides: bool, dt: float) -> None:
     """Move the command towards what a load needs, and the gripper towards its command.
 
     Args:
         config, grip: parameters and state of the grip.
         needed: squeeze that carries the load [N].
-        slides: whether the object does.
+        slips: whether the contact is found to slip; the command does not fall then.
+        slides: whether the object is believed to slide; the command grows then.
         dt: since the cycle before [s].
     """
     share = 1.0 - math.exp(-dt / config.lag_s) if config.lag_s > 0.0 else 1.0
@@ -92,5 +93,6 @@ def squeeze(config: GripConfig, grip: Grip, needed: float, slides: bool, dt: flo
     grip.actual += share * (held - grip.actual)
     wanted = min(max(needed + config.error_force, config.least_force), config.cap)
     kept = math.exp(-dt / SINKS_S)
-    moved = grip.command / kept if slides else wanted + kept * (grip.command - wanted)
+    moved = wanted + (1.0 if slips else kept) * (grip.command - wanted)
+    moved = grip.command / kept if slides else moved
     grip.command = kept * grip.command if grip.opens != 0 else min(max(wanted, moved), config.cap)
