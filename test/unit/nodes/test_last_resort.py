@@ -13,6 +13,13 @@ from test.support.made_up import CALM, MS, MadeUp, law_at_work
 LARGEST_NS, SMALLEST_NS = (2**31 - 1) * 1_000_000_000 + 999_999_999, -(2**31) * 1_000_000_000
 
 
+def test_failure_before_the_law_begins_gives_no_command() -> None:
+    waiting = MadeUp()
+    waiting.session.add_joint(waiting.joint(), waiting.now_ns)
+    assert waiting.session.newest_joint is not None
+    assert waiting.session.failed(waiting.now_ns) is None
+
+
 def test_failure_is_a_resettable_fault() -> None:
     made_up, still = law_at_work(**CALM), {"joint": {"velocity": np.zeros(7)}, "slip": np.zeros(6)}
     before = made_up.run(50, **still)

@@ -72,7 +72,7 @@ def load_ratio(run: ArmData) -> Array:
     there is none.
     """
     given = run.parameters
-    limit, radius = given.get("governor.friction_limit", 0.0), given.get("governor.torsional_radius", 0.0)
+    limit, radius = given.get("governor.friction_limit"), given.get("governor.torsional_radius")
     wrench = run.channels["wrench"].rows if "wrench" in run.channels else np.full((1, 6), np.nan)
     if not limit or not radius:
         return np.full(len(wrench), np.nan)

@@ -271,15 +271,14 @@ class ArmSession:
     # -- cycles ------------------------------------------------------------------------------------
 
     def complete(self) -> bool:
-        """Return whether a cycle can be answered: a joint state, and in lockstep all that belongs to its stamp.
+        """Return whether a lockstep cycle can be answered: a joint state, and all that belongs to its stamp.
 
-        Lockstep answers every cycle, also one whose other inputs are still missing.
+        Every cycle is answered, also one whose other inputs are still missing.
         """
         waiting, session, manifest = self.waiting, self._session, self._session.manifest
-        if waiting is None or not self._lockstep:
-            return waiting is not None
         return (
-            manifest is not None
+            waiting is not None
+            and manifest is not None
             and manifest.stamp_ns == waiting[0].stamp_ns
             and (manifest.wrench_counts == tuple(session.wrench_counts) or not self._has_wrench)
             and manifest.slip_counts == tuple(session.slip_counts)
@@ -569,13 +568,13 @@ class ControllerSession:
 
     # -- cycles ------------------------------------------------------------------------------------
 
-    def cycle(self, now_ns: int | None = None) -> Results:
+    def cycle(self, now_ns: int = 0) -> Results:
         """Answer new joint states: of all arms, or in real time of those whose partners are silent; these hold.
 
         Args:
-            now_ns: steady time; None, and lockstep, take the stamps of the joint states.
+            now_ns: steady time; lockstep takes the stamps of the joint states.
         """
-        if self._lockstep or now_ns is None:
+        if self._lockstep:
             for arm in self.arms:
                 if not arm.complete():
                     return (None,) * len(self.arms)
