@@ -69,7 +69,6 @@ class BagWriter:
             self._add_metadata()
             for name, data in (attachments or {}).items():
                 self._writer.add_attachment(0, 0, name, "application/octet-stream", data)
-            self._writer.flush()
 
     def add_topic(self, topic: TopicInfo, schema_text: str) -> None:
         """Add a topic; its QoS is the same in the channel and in ``metadata.yaml``."""
@@ -102,7 +101,6 @@ class BagWriter:
         if self._file.closed:
             return
         with self._reporting():
-            self._writer.flush()
             self._add_metadata()
             self._writer.finish()
             self._sync()

@@ -23,6 +23,7 @@ from slip_bags.recorder import find_definition
 from slip_bags.recover import recover
 from slip_bags.writer import BagWriter, StorageError
 from slip_core.errors import InputError
+from slip_core.files.plain_yaml import read_yaml
 from test.support.bag_maker import START_NS, SUITE_TOPICS, encode, make_bag, random_message
 
 TWO = {"/a": "std_msgs/msg/String", "/b": "geometry_msgs/msg/WrenchStamped"}
@@ -238,6 +239,8 @@ def test_other_encodings_are_not_decoded(tmp_path):
     assert len(list(bag.raw())) == 1
     with pytest.raises(InputError, match="no schema"):
         list(bag.messages("/json"))
+    with pytest.raises(InputError, match="no message that can be read"):
+        recover(tmp_path / "x.mcap", tmp_path / "out")
 
 
 def test_existing_output_is_refused_and_left_alone(tmp_path):
@@ -253,8 +256,13 @@ def test_existing_output_is_refused_and_left_alone(tmp_path):
 def test_closed_writer_refuses(tmp_path):
     writer = BagWriter(tmp_path / "bag")
     writer.add_topic(TopicInfo("/a", STRING), TEXT)
+    for time in (5, 3, 9):
+        writer.write("/a", time, time, 1, b"")
     writer.close()
     writer.close()
+    metadata = read_yaml((tmp_path / "bag" / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    assert metadata["starting_time"] == {"nanoseconds_since_epoch": 3}
+    assert metadata["duration"] == {"nanoseconds": 6}
     with pytest.raises(StorageError, match="closed"):
         writer.write("/a", 1, 1, 1, b"")
 

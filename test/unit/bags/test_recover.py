@@ -130,6 +130,8 @@ def test_full_disk_leaves_a_recoverable_bag(tmp_path, monkeypatch):
 
 def test_flush_reaches_the_disk(tmp_path, monkeypatch):
     synced, honest = [], os.fsync
-    monkeypatch.setattr(os, "fsync", lambda number: (honest(number), synced.append(number)))
+    monkeypatch.setattr(os, "fsync", lambda number: (honest(number), synced.append(os.fstat(number).st_size)))
     make_bag(tmp_path / "bag", count=20, topics=TOPICS, flush_every=10)
-    assert len(synced) == 4  # two flushes, the end of the file, metadata.yaml
+    first, second, *ends = synced
+    assert 0 < first < second < ends[0]
+    assert ends == [(tmp_path / "bag" / name).stat().st_size for name in ("bag_0.mcap", "metadata.yaml")]
