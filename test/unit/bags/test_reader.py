@@ -254,13 +254,13 @@ def test_existing_output_is_refused_and_left_alone(tmp_path):
 
 
 def test_closed_writer_refuses(tmp_path):
-    writer = BagWriter(tmp_path / "bag")
+    writer = BagWriter(tmp_path / "new" / "bag")
     writer.add_topic(TopicInfo("/a", STRING), TEXT)
     for time in (5, 3, 9):
         writer.write("/a", time, time, 1, b"")
     writer.close()
     writer.close()
-    metadata = read_yaml((tmp_path / "bag" / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    metadata = read_yaml((writer.folder / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
     assert metadata["starting_time"] == {"nanoseconds_since_epoch": 3}
     assert metadata["duration"] == {"nanoseconds": 6}
     with pytest.raises(StorageError, match="closed"):
