@@ -9,14 +9,15 @@ from __future__ import annotations
 from numba import carray
 
 from slip_core.arrays import Array
-from slip_core.records import POSE
+from slip_core.records import POSE, record
 from slip_vic_controller.contact.observer import ROW_SIZE
 from slip_vic_controller.cycle.cycle import cycle, describe
 from slip_vic_controller.interfaces import mean_velocity
 from slip_vic_controller.law.arm import ARM, gather
 from slip_vic_controller.law.bounds import stiffness_limit
-from slip_vic_controller.law.gains import LAW_GAINS
+from slip_vic_controller.law.gains import LAW_GAINS, adapt, slow_down
 from slip_vic_controller.law.symbols import SYMBOLS
+from slip_vic_controller.safety.hold import fill_hold
 from slip_vic_controller.session.arrival import (
     begin_answer,
     is_silent,
@@ -25,7 +26,7 @@ from slip_vic_controller.session.arrival import (
     receive_slip,
     receive_wrench,
 )
-from slip_vic_controller.state import ARM_SIZE, CONFIG_SIZE, INPUTS_SIZE, OUTPUTS_SIZE, TASK_SIZE
+from slip_vic_controller.state import ARM_SIZE, CONFIG, CONFIG_SIZE, INPUTS_SIZE, OUTPUTS_SIZE, TASK_SIZE
 
 In = Array
 """Numbers that a function reads."""
@@ -77,6 +78,21 @@ def slip_vic_is_silent(config: In, arm: Out, now_ns: int) -> int:
 def slip_vic_ramp_to(arm: Out, target: In, least_ns: int) -> None:
     """Ramp gains and payload to a SlipVic_LawGains from the next cycle on, in least_ns or longer for stability."""
     ramp_to(carray(arm, ARM_SIZE), carray(target, _GAINS), least_ns)
+
+
+def slip_vic_retune(
+    config: Out, classical: int, spin_excursion: float, hold_stiffness: float, period_s: float
+) -> None:
+    """Turn the gains that a user sets, in `config->gains`, into those of the law, and let HOLD use their object.
+
+    classical: whether the controller is; spin_excursion: infinite where gains.spin is not bounded [rad]; period_s: of
+    control.
+    """
+    c = record(carray(config, CONFIG_SIZE), CONFIG)
+    adapt(c.gains.gains, classical != 0, spin_excursion, c.law.contact[0].slip_axes, c.k_s_limit)
+    slow_down(c.gains.gains, c.fastest_rate)
+    of = c.gains.object
+    fill_hold(c.hold, of.mass, of.inertia, of.gravity, hold_stiffness, period_s)
 
 
 def slip_vic_begin_answer(
@@ -137,6 +153,7 @@ FUNCTIONS = (
     slip_vic_mean_velocity,
     slip_vic_is_silent,
     slip_vic_ramp_to,
+    slip_vic_retune,
     slip_vic_stiffness_limit,
     slip_vic_begin_answer,
     slip_vic_gather,

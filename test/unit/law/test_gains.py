@@ -149,7 +149,7 @@ def test_slowing_down_keeps_the_damping_ratio() -> None:
     gains.M_D[:], gains.K_D[:] = (1.0, 2.0, 4.0, 0.1, 0.2, 0.4), (400.0, 300.0, 200.0, 10.0, 20.0, 30.0)
     gains.D_D[:] = (40.0, 50.0, 60.0, 2.0, 3.0, 9.0)  # 40, 25, 15, 20, 15, 22.5 1/s
     ratio, before = gains.D_D / np.sqrt(gains.K_D * gains.M_D), gains.D_D.copy()
-    slow_down(gains, 20.0)
+    call(slow_down, gains, 20.0)
     np.testing.assert_allclose(gains.D_D / gains.M_D, (20.0, 20.0, 15.0, 20.0, 15.0, 20.0))
     np.testing.assert_allclose(gains.D_D / np.sqrt(gains.K_D * gains.M_D), ratio)
     assert gains.D_D[[2, 3, 4]].tolist() == before[[2, 3, 4]].tolist()

@@ -12,9 +12,8 @@
 
 #include "slip_vic_words.h"
 
-static const double LARGEST_M = 1.0;       /* of a contact from the centre of mass: grasp_params.py */
-static const double RELATIVE = 1e-6;       /* tolerance at the ends of a range, as in rclpy */
-static const double HOLD_DELAY_RAD = 0.46; /* DELAY of hold.py */
+static const double LARGEST_M = 1.0; /* of a contact from the centre of mass: grasp_params.py */
+static const double RELATIVE = 1e-6; /* tolerance at the ends of a range, as in rclpy */
 static const char *const AXES[] = {"x", "y", "z", "rx", "ry", "rz"};
 static const char *const TYPES[] = {"NOT_SET",    "BOOL",          "INTEGER",      "DOUBLE",      "STRING",
                                     "BYTE_ARRAY", "BOOL_ARRAY",    "INTEGER_ARRAY", "DOUBLE_ARRAY", "STRING_ARRAY"};
@@ -124,11 +123,16 @@ void Parameters::check_one(const std::string &name, const Value &wanted) const {
                   ", value: " + shown(*x));
 }
 
-/* Refuse an inertia that no body can have; six: as in the parameter. */
-static void check_inertia(const std::vector<double> &six) {
+static Eigen::Matrix3d inertia_of(const std::vector<double> &six) {
   Eigen::Matrix3d J;
   J << six[0], six[3], six[4], six[3], six[1], six[5], six[4], six[5], six[2];
-  const Eigen::Vector3d p = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(J, Eigen::EigenvaluesOnly).eigenvalues();
+  return J;
+}
+
+/* Refuse an inertia that no body can have; six: as in the parameter. */
+static void check_inertia(const std::vector<double> &six) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(inertia_of(six), Eigen::EigenvaluesOnly);
+  const Eigen::Vector3d p = solver.eigenvalues();
   if (p[0] <= 0.0 || p[0] + p[1] < p[2] * (1.0 - 1e-9))
     throw InputError("object.inertia", "principal moments " + shown(std::vector<double>(p.data(), p.data() + 3)),
                      "positive principal moments, each at most the sum of the other two");
@@ -226,59 +230,35 @@ static void judge(const SlipVic_Gains &gains, const std::vector<double> &damping
   }
 }
 
-static void fill_inertia(double (*J)[3], const std::vector<double> &six, double share) {
-  const double rows[3][3] = {{six[0], six[3], six[4]}, {six[3], six[1], six[5]}, {six[4], six[5], six[2]}};
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j) J[i][j] = share * rows[i][j];
-}
-
-static SlipVic_LawGains law_gains(const Parameters &p, const SlipVic_ControllerConfig &config) {
-  SlipVic_LawGains made = config.gains; /* keeps its gravity */
-  SlipVic_Gains &gains = made.gains;
-  const double on = p.text("controller") == "classical" ? 0.0 : 1.0;
-  const bool bounded = p.text("gains.spin") == "bounded";
-  const double turning = bounded ? 0.0 : on;
-  double softest = std::numeric_limits<double>::infinity();
+/* Write the gains and the payload as the user sets them. */
+static void read_gains(const Parameters &p, SlipVic_LawGains *made) {
+  SlipVic_Gains &gains = made->gains;
   for (int j = 0; j < 6; ++j) {
     gains.K_D[j] = p.numbers("gains.stiffness")[j], gains.D_D[j] = p.numbers("gains.damping")[j];
     gains.M_D[j] = p.numbers("gains.inertia")[j];
-    gains.gamma_k[j] = j < 3 ? on * p.number("gains.gamma_kp") : turning * p.number("gains.gamma_ko");
-    gains.gamma_d[j] = j < 3 ? on * p.number("gains.gamma_dp") : turning * p.number("gains.gamma_do");
-    if (j >= 3 && config.law.contact[0].slip_axes[j] != 0.0) softest = std::min(softest, gains.K_D[j] / gains.M_D[j]);
-    const double slower = std::min(1.0, config.fastest_rate * gains.M_D[j] / gains.D_D[j]);
-    gains.D_D[j] *= slower, gains.K_D[j] *= slower * slower;
+    gains.gamma_k[j] = p.number(j < 3 ? "gains.gamma_kp" : "gains.gamma_ko");
+    gains.gamma_d[j] = p.number(j < 3 ? "gains.gamma_dp" : "gains.gamma_do");
   }
-  gains.alpha = on * p.number("gains.alpha"), gains.kappa = p.number("gains.kappa");
-  gains.k_s = std::min(p.number("gains.k_s"), config.k_s_limit);
-  gains.characteristic_length = bounded ? p.number("gains.characteristic_length") : 1.0;
-  gains.spin_limit = bounded && std::isfinite(softest) ? softest * p.number("gains.spin_excursion")
-                                                       : std::numeric_limits<double>::infinity();
-  made.object.mass = p.number("object.mass");
-  fill_inertia(made.object.inertia, p.numbers("object.inertia"), 1.0);
-  std::copy_n(p.numbers("contacts.position").begin(), 3, made.contact_position);
-  return made;
-}
-
-static SlipVic_HoldConfig hold(const Parameters &p, const SlipVic_ControllerConfig &config) {
-  SlipVic_HoldConfig made = config.hold;
-  const double stiffness = p.number("safety.hold_stiffness"), share = 1.0 / static_cast<double>(made.carriers);
-  const double frequency = std::max(std::sqrt(stiffness), 1.0);
-  const double slower = std::min(1.0, 0.5 * HOLD_DELAY_RAD / (frequency * p.number("control_period_s")));
-  made.stiffness = slower * slower * stiffness, made.damping = slower * 2.0 * std::sqrt(stiffness);
-  made.mass = share * p.number("object.mass");
-  fill_inertia(made.inertia, p.numbers("object.inertia"), share);
-  for (int j = 0; j < 3; ++j) made.weight[j] = made.mass * p.numbers("gravity")[j];
-  return made;
+  gains.alpha = p.number("gains.alpha"), gains.k_s = p.number("gains.k_s"), gains.kappa = p.number("gains.kappa");
+  gains.characteristic_length = p.number("gains.characteristic_length");
+  made->object.mass = p.number("object.mass");
+  const Eigen::Matrix3d J = inertia_of(p.numbers("object.inertia"));
+  std::copy_n(J.data(), 9, &made->object.inertia[0][0]); /* symmetric */
+  std::copy_n(p.numbers("contacts.position").begin(), 3, made->contact_position);
 }
 
 Tuning tune(const Parameters &now, const Parameters &wanted, const SlipVic_ControllerConfig &config) {
-  Tuning made{law_gains(wanted, config), hold(wanted, config), wanted.numbers("contacts.position"), 0, false};
-  judge(made.gains.gains, wanted.numbers("gains.damping"), wanted.text("controller") == "classical", config.impedance_delay_s);
+  Tuning made{config, 0, false};
+  SlipVic_ControllerConfig &c = made.config;
+  const bool classical = wanted.text("controller") == "classical", bounded = wanted.text("gains.spin") == "bounded";
+  const std::vector<double> &positions = wanted.numbers("contacts.position"), &before = now.numbers("contacts.position");
+  for (int64_t k = 0; k < c.law.contacts; ++k) std::copy_n(&positions[3 * k], 3, c.law.contact[k].position);
+  read_gains(wanted, &c.gains);
+  slip_vic_retune(&c, classical, bounded ? wanted.number("gains.spin_excursion") : std::numeric_limits<double>::infinity(),
+                  wanted.number("safety.hold_stiffness"), wanted.number("control_period_s"));
+  judge(c.gains.gains, wanted.numbers("gains.damping"), classical, c.impedance_delay_s);
   double squares = 0.0;
-  for (int j = 0; j < 3; ++j) {
-    const double moved = made.positions[j] - now.numbers("contacts.position")[j];
-    squares += moved * moved;
-  }
+  for (int j = 0; j < 3; ++j) squares += (positions[j] - before[j]) * (positions[j] - before[j]);
   /* Shifting the contact seems to move the object, and the law follows it. */
   const double least_s = std::max(wanted.number("gains.ramp_s"), std::sqrt(squares) / wanted.number("safety.limits.speed_linear"));
   made.least_ns = std::llrint(1e9 * least_s);

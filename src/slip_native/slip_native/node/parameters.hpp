@@ -67,13 +67,11 @@ class Parameters {
   Values values_;
 };
 
-/* What the controller derives from parameters that are changed while it runs. */
+/* What follows from parameters that are changed while the controller runs. */
 struct Tuning {
-  SlipVic_LawGains gains;
-  SlipVic_HoldConfig hold;
-  std::vector<double> positions; /* of the contacts, m {o} */
-  int64_t least_ns;              /* shortest ramp */
+  SlipVic_ControllerConfig config;
+  int64_t least_ns; /* shortest ramp */
   bool other_object;
 };
-/* Return it, as gains.py and _fill_hold do; throws InputError if the gains are not accepted. */
+/* Return it; throws InputError if the gains are not accepted. */
 Tuning tune(const Parameters &now, const Parameters &wanted, const SlipVic_ControllerConfig &config);

@@ -135,9 +135,8 @@ void Session::set_parameters(const Values &given, const std::string &node) {
   if (wanted == parameters_) return;
   const Tuning tuning = tune(parameters_, wanted, config_);
   if (tuning.other_object) arm_->tare.mass_share = 0.0; /* the user's mass replaces that of the tare */
-  slip_vic_ramp_to(arm_, &tuning.gains, tuning.least_ns);
-  config_.gains = tuning.gains, config_.hold = tuning.hold;
-  for (size_t k = 0; k < slip_counts_.size(); ++k) std::copy_n(&tuning.positions[3 * k], 3, config_.law.contact[k].position);
+  slip_vic_ramp_to(arm_, &tuning.config.gains, tuning.least_ns);
+  config_ = tuning.config;
   parameters_ = std::move(wanted);
 }
 

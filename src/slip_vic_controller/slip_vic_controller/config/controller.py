@@ -12,10 +12,11 @@ from functools import partial
 import numpy as np
 
 from slip_core.arms import shared
-from slip_core.arrays import Array, inertia_from_six, matrix_from_quat_xyzw, product
+from slip_core.arrays import Array, matrix_from_quat_xyzw, product
 from slip_core.records import Records, copy_fields, new, place, record, records
 from slip_core.stamps import seconds_to_ns
 from slip_core.types import JointCommand
+from slip_core.vectors import interpreted
 from slip_vic_controller.arm.command import Interface
 from slip_vic_controller.arm.estimator import BLIND_S, ESTIMATOR_CONFIG, MEAN_S
 from slip_vic_controller.config.joints import DEVIATIONS, estimator_config
@@ -35,7 +36,7 @@ from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.path.paths import PATH, make_path
 from slip_vic_controller.robot import Robot
 from slip_vic_controller.safety.conditions import Missing, Reason, forget_conditions
-from slip_vic_controller.safety.hold import DELAY, HoldConfig
+from slip_vic_controller.safety.hold import fill_hold
 from slip_vic_controller.safety.limits import LONGEST_STEP_S
 from slip_vic_controller.safety.validation import ACCEPT_AFTER, SLACK
 from slip_vic_controller.sizes import NEVER, ROOM
@@ -166,7 +167,7 @@ def _make_config(params: ControllerParams, robot: Robot, *, lockstep: bool, arms
     _fill_inputs(config, params, robot, lockstep=lockstep)
     _fill_conditions(config, params)
     _fill_limits(config, params, robot)
-    _fill_hold(config.hold, params)
+    _use_hold(config, params)
     fill_wrench_sensor(config.wrench_sensor, params, robot)
     buffer.setflags(write=False)
     return buffer
@@ -177,7 +178,7 @@ def renew_config(config: ControllerConfig, params: ControllerParams) -> None:
     ramp, see `Ramp`; a change in HOLD is bounded by the effort limiter."""
     fill_contacts(params.contacts, config.law.contact)
     config.gains = record(gain_report(params).gains, LAW_GAINS)
-    _fill_hold(config.hold, params)
+    _use_hold(config, params)
 
 
 def use_noise(config: ControllerConfig, params: ControllerParams, effort_limit: Array) -> None:
@@ -264,14 +265,9 @@ def _fill_limits(config: ControllerConfig, params: ControllerParams, robot: Robo
     limits.longest_step_ns = max(seconds_to_ns(LONGEST_STEP_S), config.period_ns)  # a control period is no pause
 
 
-def _fill_hold(hold: HoldConfig, params: ControllerParams) -> None:
-    stiffness, share = params.safety.hold_stiffness, 1.0 / hold.carriers
-    frequency = max(math.sqrt(stiffness), 1.0)
-    slower = min(1.0, 0.5 * DELAY / (frequency * params.control_period_s))  # the same loop in slow motion
-    hold.stiffness, hold.damping = slower * slower * stiffness, slower * 2.0 * math.sqrt(stiffness)
-    hold.mass = share * params.object.mass
-    hold.inertia[:] = share * inertia_from_six(params.object.inertia, "parameter object.inertia")
-    hold.weight[:] = hold.mass * np.array(params.gravity)
+def _use_hold(config: ControllerConfig, params: ControllerParams) -> None:
+    of, stiffness, period = config.gains.object, params.safety.hold_stiffness, params.control_period_s
+    interpreted(fill_hold)(config.hold, of.mass, of.inertia, of.gravity, stiffness, period)
 
 
 def _fill_governor(governor: GovernorConfig, params: ControllerParams) -> None:

@@ -17,6 +17,7 @@ import numpy as np
 from slip_core.arrays import Array, inertia_from_six, vector
 from slip_core.compiled import part
 from slip_core.records import Mat3, Real, Record, Vec3, Vec6, Whole, dtype_of, new, record
+from slip_core.vectors import interpreted
 from slip_vic_controller.law.bounds import Condition, GainReport, check, judge_gains, judge_stiffness, slip_gain_limit
 from slip_vic_controller.params.controller_params import ControllerParams
 
@@ -82,28 +83,23 @@ class Ramp(Record):
 RAMP = dtype_of(Ramp)
 
 
-def make_law_gains(params: ControllerParams, k_s: float) -> Array:
-    """Return LAW_GAINS of the parameters, with the k_s [1/s] that `gain_report` found.
-
-    Classical impedance control has slip activation and fading off. With spin bounded, the angular stiffness does not
-    fade, and the compensation turns the pad no faster than the softest slip axis can turn it back at `spin_excursion`.
+def make_law_gains(params: ControllerParams, k_s_limit: float) -> Array:
+    """Return LAW_GAINS of the parameters, with k_s at most a limit [1/s].
 
     Raises:
         InputError: an inertia that no body can have.
     """
     buffer = new(LAW_GAINS)
     out: LawGains = record(buffer, LAW_GAINS)
-    given, gains = params.gains, out.gains
-    on, bounded = 0.0 if params.controller == "classical" else 1.0, given.spin == "bounded"
-    turning = 0.0 if bounded else on
+    given, gains, slip_axes = params.gains, out.gains, np.array(params.contacts.slip_axes[:6], dtype=float)
     gains.K_D[:], gains.D_D[:], gains.M_D[:] = given.stiffness, given.damping, given.inertia
-    gains.gamma_k[:] = [on * given.gamma_kp] * 3 + [turning * given.gamma_ko] * 3
-    gains.gamma_d[:] = [on * given.gamma_dp] * 3 + [turning * given.gamma_do] * 3
-    gains.alpha, gains.k_s, gains.kappa = on * given.alpha, k_s, given.kappa
-    gains.characteristic_length = given.characteristic_length if bounded else 1.0
-    ratio = (gains.K_D / gains.M_D)[3:][np.array(params.contacts.slip_axes[3:6], dtype=bool)]
-    gains.spin_limit = float(ratio.min()) * given.spin_excursion if bounded and ratio.size else math.inf
-    slow_down(gains, params.fastest_rate)
+    gains.gamma_k[:] = [given.gamma_kp] * 3 + [given.gamma_ko] * 3
+    gains.gamma_d[:] = [given.gamma_dp] * 3 + [given.gamma_do] * 3
+    gains.alpha, gains.k_s, gains.kappa = given.alpha, given.k_s, given.kappa
+    gains.characteristic_length = given.characteristic_length
+    spin_excursion = given.spin_excursion if given.spin == "bounded" else math.inf
+    interpreted(adapt)(gains, params.controller == "classical", spin_excursion, slip_axes, k_s_limit)
+    interpreted(slow_down)(gains, params.fastest_rate)
     out.object.mass = params.object.mass
     out.object.inertia[:] = inertia_from_six(params.object.inertia, "parameter object.inertia")
     out.object.gravity[:] = vector(params.gravity, 3, "gravity")
@@ -111,14 +107,42 @@ def make_law_gains(params: ControllerParams, k_s: float) -> Array:
     return buffer
 
 
+@part
+def adapt(gains: Gains, classical: bool, spin_excursion: float, slip_axes: Array, k_s_limit: float) -> None:
+    """Adapt gains as configured to the kind of law.
+
+    Classical impedance control has slip activation and fading off. With spin bounded, the angular stiffness does not
+    fade, and the compensation turns the pad no faster than the softest slip axis can turn it back.
+
+    Args:
+        gains: changed.
+        classical: whether it is.
+        spin_excursion: largest attitude error from following the spin [rad]; infinite where spin is not bounded.
+        slip_axes: of the own contact (6,), 0 or 1.
+        k_s_limit: largest k_s [1/s].
+    """
+    bounded, softest = spin_excursion < math.inf, math.inf
+    for j in range(6):
+        if classical or (bounded and j >= 3):
+            gains.gamma_k[j] = gains.gamma_d[j] = 0.0
+        if j >= 3 and slip_axes[j] != 0.0:
+            softest = min(softest, gains.K_D[j] / gains.M_D[j])
+    gains.alpha = 0.0 if classical else gains.alpha
+    gains.k_s = min(gains.k_s, k_s_limit)
+    gains.characteristic_length = gains.characteristic_length if bounded else 1.0
+    gains.spin_limit = softest * spin_excursion if bounded and softest < math.inf else math.inf
+
+
+@part
 def slow_down(gains: Gains, fastest: float) -> None:
     """Slow the impedance to what drives can follow: D/M at most `fastest` [1/s], K with the same damping ratio.
 
     Implements: ours: M s^2 + D s + K in slow motion, axis by axis.
     """
-    slower = np.minimum(1.0, fastest * np.array(gains.M_D) / np.array(gains.D_D))
-    gains.D_D[:] *= slower
-    gains.K_D[:] *= slower * slower
+    for j in range(6):
+        slower = min(1.0, fastest * gains.M_D[j] / gains.D_D[j])
+        gains.D_D[j] *= slower
+        gains.K_D[j] *= slower * slower
 
 
 def gain_report(params: ControllerParams, *, refuse: bool = True) -> GainReport:
@@ -136,14 +160,13 @@ def gain_report(params: ControllerParams, *, refuse: bool = True) -> GainReport:
     lag_s = max(unknown * params.drive_lag_s, LEAST_DELAY_S if real else 0.0)
     sensor_period_s, latency_s = (params.slip_sensor.period_s, params.slip_sensor.latency_s) if direct else (0.0, 0.0)
     accepted = slip_gain_limit(params.control_period_s, sensor_period_s, latency_s + lag_s) / params.gains.k_s_margin
-    used = min(params.gains.k_s, accepted)
-    made = make_law_gains(params, used)
-    propositions = judge_gains(np.array(params.gains.damping), used)
+    made = make_law_gains(params, accepted)
     gains: Gains = record(made, LAW_GAINS).gains
+    propositions = judge_gains(np.array(params.gains.damping), gains.k_s)
     stiff = judge_stiffness(gains.K_D, gains.D_D, gains.M_D, impedance_delay_s(params))
     if refuse:
         check(stiff if params.controller == "classical" else (*propositions, *stiff))  # it has no slip loop
-    return GainReport(params.gains.k_s, used, accepted, (*propositions, *stiff), made)
+    return GainReport(params.gains.k_s, float(gains.k_s), accepted, (*propositions, *stiff), made)
 
 
 def impedance_delay_s(params: ControllerParams) -> float:

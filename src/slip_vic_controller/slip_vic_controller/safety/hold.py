@@ -43,6 +43,26 @@ class Hold(Record):
 
 
 @part
+def fill_hold(config: HoldConfig, mass: float, inertia: Array, gravity: Array, stiffness: float, period: float) -> None:
+    """Let HOLD use an object, and a stiffness as far as the control period admits it: beyond, it is slow motion.
+
+    Args:
+        config: changed; `carriers` share the object.
+        mass, inertia, gravity: of the object [kg]; (3, 3) [kg m2]; (3,) [m/s^2] {w}.
+        stiffness: as configured [1/s^2].
+        period: of control [s].
+    """
+    share, root = 1.0 / config.carriers, math.sqrt(stiffness)
+    slower = min(1.0, 0.5 * DELAY / (max(root, 1.0) * period))
+    config.stiffness, config.damping = slower * slower * stiffness, slower * 2.0 * root
+    config.mass = share * mass
+    for i in range(3):
+        config.weight[i] = config.mass * gravity[i]
+        for j in range(3):
+            config.inertia[i, j] = share * inertia[i, j]
+
+
+@part
 def object_load(config: HoldConfig, R: Mat, r: Vec) -> Spatial:
     """Return the wrench on the pad of a resting object; R: pad to {w}; r = x_c - x_o {w} -> {ee}."""
     weight = vec(config.weight)
