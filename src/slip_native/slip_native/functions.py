@@ -80,9 +80,7 @@ def slip_vic_ramp_to(arm: Out, target: In, least_ns: int) -> None:
     ramp_to(carray(arm, ARM_SIZE), carray(target, _GAINS), least_ns)
 
 
-def slip_vic_retune(
-    config: Out, classical: int, spin_excursion: float, hold_stiffness: float, period_s: float
-) -> None:
+def slip_vic_retune(config: Out, classical: int, spin_excursion: float, hold_stiffness: float, period_s: float) -> None:
     """Turn the gains that a user sets, in `config->gains`, into those of the law, and let HOLD use their object.
 
     classical: whether the controller is; spin_excursion: infinite where gains.spin is not bounded [rad]; period_s: of

@@ -1,15 +1,15 @@
-"""The node in C++: the terms of Python to the last bit, runs that `bag verify` takes, services, end."""
+"""The node in C++: runs that `bag verify` takes, the bits of Python in trials, services, end."""
 
 # ruff: noqa: F811 - fixtures are found by name
 
 from __future__ import annotations
 
+import ctypes
 import math
 import os
 import shutil
 import signal
 import subprocess
-import sysconfig
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -21,9 +21,7 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 
 from slip_bags.reader import Bag
 from slip_core.errors import InputError
-from slip_core.files.urdf import usable_urdf
 from slip_core.params import build, flatten, parameter_infos
-from slip_core.records import new
 from slip_msgs_py.environment import choose_transport
 from slip_msgs_py.ros_params import descriptor
 from slip_vic.replay.run_data import read_run
@@ -32,9 +30,7 @@ from slip_vic.run.commands import native_command
 from slip_vic.run.in_process import run_in_process
 from slip_vic.run.launcher import Launcher
 from slip_vic.scenarios.scenario import load
-from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.params.controller_params import ControllerParams
-from slip_vic_controller.robot import Robot
 from slip_vic_controller.safety.conditions import Reason, Why
 from slip_vic_controller.session.words import describe
 from test.campaigns.attacks.suite import run_attacks, with_numbers
@@ -57,45 +53,11 @@ pytestmark = [
     pytest.mark.skipif(shutil.which("cmake") is None, reason="no cmake"),
     pytest.mark.timeout(600),  # the first one compiles the node, for minutes on a slow machine
 ]
-STATES = 200
 HERE = Path(__file__).parent
 REACHED_M = 2e-4  # the impedance has 4 time constants to settle on a 2 mm step
 
 
-# -- terms -------------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def terms(built: Path) -> Path:
-    """The program of terms_main.cpp."""
-    libraries = Path(sysconfig.get_path("purelib")) / "cmeel.prefix" / "lib"
-    call(
-        "c++", "-std=c++17", "-I.", "-Inode", HERE / "terms_main.cpp", "build/libslip_vic_terms.a", "libslip_vic.so",
-        f"-L{libraries}", "-lpinocchio_default", "-lpinocchio_parsers", f"-Wl,-rpath,{libraries}:{built}",
-        f"-Wl,-rpath-link,{libraries}", "-o", "terms", cwd=built,
-    )  # fmt: skip
-    return built / "terms"
-
-
-def test_terms_are_those_of_python_to_the_last_bit(terms: Path, tmp_path: Path) -> None:
-    scenario = load("paper_planar", law="vic")
-    params = scenario.controller
-    text = usable_urdf(next(iter(scenario.placed.values())), params.ee_frame, params.joint_names)
-    (tmp_path / "arm.urdf").write_text(text)
-    n = len(params.joint_names)
-    robot = Robot(text, params.ee_frame, params.joint_names, (0.1, 0.2, -9.81), (0.05,) * n)
-    states = np.random.default_rng(0).normal(size=(STATES, 2, n))
-    expected = np.array([new(ARM) for _ in states])
-    for (q, qd), arm in zip(states, expected, strict=True):
-        robot.terms(q, qd, arm)
-    done = subprocess.run(
-        [terms, "arm.urdf", params.ee_frame, str(n)],
-        input=states.tobytes(),
-        cwd=tmp_path,
-        capture_output=True,
-        check=True,
-    )
-    assert done.stdout == expected.tobytes()
+# -- words -------------------------------------------------------------------------------------------
 
 
 def test_words_are_those_of_python(library: Path) -> None:
@@ -119,7 +81,8 @@ RUNS = {
     "planned": ("governed", ()),
     "noise and a slow sensor of displacements": (
         "vic", ("slip_input=displacement", "bridge.sensors.slip.noise_linear=1e-3", "bridge.sensors.slip.rate_hz=120.0",
-                "bridge.sensors.wrench.noise_force=0.05", "controller.publish_effort_array=true"),
+                "bridge.sensors.wrench.noise_force=0.05", "controller.publish_effort_array=true",
+                "drive.armature=[0.05]"),
     ),
 }  # fmt: skip
 
@@ -335,6 +298,9 @@ def test_both_sessions_give_the_same_bits_in_trials(built: Path, monkeypatch: py
         verdict = judge(7, trial, native=built)
         assert verdict.violations == ()
         assert verdict.commands > 100
+    host = ctypes.CDLL(str(built / "build" / "beside.so"))
+    host.slip_vic_room_used.restype = ctypes.c_int64
+    assert 0 < host.slip_vic_room_used() < 6554  # a tenth of the room for temporary arrays
     monkeypatch.delattr(BesideNative, "add_wrench")  # Python alone gets them
     (violation,) = judge(7, 0, native=built).violations
     assert "state differs" in violation

@@ -7,9 +7,18 @@ import os
 import subprocess
 import sys
 import time
+from importlib.machinery import ExtensionFileLoader, ModuleSpec
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from slip_vic_controller.law.bounds import stiffness_limit
+from slip_vic_controller.law.gains import make_law_gains
+from slip_vic_controller.params.controller_params import ControllerParams
+from slip_vic_controller.session.arrival import ramp_to
+from slip_vic_controller.state import ARM_SIZE
+from tools.wheel import build_kernels
 
 pytestmark = pytest.mark.long
 
@@ -92,6 +101,26 @@ def test_one_arm_waits_for_nothing_of_two() -> None:
     )
     assert "slip_vic.scenarios.scenario" in done.stdout.split()
     assert [name for name in done.stdout.split() if name.startswith(NOT_IN_A_RUN) and name in compiled()] == []
+
+
+def test_kernels_of_a_wheel_refuse_what_numba_refuses(tmp_path: Path) -> None:
+    build_kernels(tmp_path / "kernels.so", {"limit": stiffness_limit, "ramp": ramp_to})
+    loader = ExtensionFileLoader("kernels", str(tmp_path / "kernels.so"))
+    kernels = loader.create_module(ModuleSpec("kernels", loader, origin=loader.path))
+    loader.exec_module(kernels)
+    assert kernels.limit(5, np.float64(1.0), 0.01) == stiffness_limit(5.0, 1.0, 0.01)
+    state, target = np.zeros(ARM_SIZE), make_law_gains(ControllerParams(), 1.0)
+    target.setflags(write=False)
+    arrays = (target, None, state.astype("f4"), state.view("i8"), state[::2], state[:, None])
+    for kernel, given in [
+        (kernels.limit, (5.0, 1.0)), (kernels.limit, (5.0, "1.0", 0.01)), (kernels.ramp, (state, target, 1.0)),
+        (kernels.ramp, (state, target, 2**63)), *((kernels.ramp, (array, target, 1)) for array in arrays),
+    ]:  # fmt: skip
+        with pytest.raises(TypeError, match=r"got .*, expected"):
+            kernel(*given)
+    assert not state.any()
+    kernels.ramp(state, target, 1)
+    assert state.any()
 
 
 @pytest.mark.timeout(2 * LIMIT_S)
