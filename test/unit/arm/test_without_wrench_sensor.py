@@ -9,8 +9,6 @@ from slip_core.arrays import Array
 from slip_vic.run.in_process import run_in_process
 from slip_vic.scenarios.scenario import load
 
-NONE = "controller.wrench.source=none"
-
 
 def loads(scenario: str, source: str, until_s: float) -> list[list[Array]]:
     """Return the wrenches that the law of each arm works with, of each of its contacts, at some time."""
@@ -41,6 +39,6 @@ def test_model_load_matches_sensor(scenario: str, until_s: float, force: float, 
 
 def test_simulation_without_wrench_sensor() -> None:
     """So neither bridge nor recorder waits for a subscription to its topic."""
-    world = load("paper_planar", law="governed", sensor="event_1000", set=(NONE,))
+    world = load("paper_planar", law="governed", sensor="event_1000", set=("controller.wrench.source=none",))
     assert world.bridge.sensors.wrench.silent
     assert not load("paper_planar", law="governed").bridge.sensors.wrench.silent

@@ -20,7 +20,6 @@ from slip_vic_controller.session.cycle_result import CycleResult
 from slip_vic_controller.session.session import ControllerSession
 from test.support.small_arm import HOME, small_arm_urdf
 
-UPRIGHT = "pane_two_arms_upright"
 WAY, TURN = np.array([0.02, 0.03, -0.01]), np.array([0.0, 0.0, 0.03])
 MS = 1_000_000
 
@@ -29,7 +28,9 @@ class Run:
     """Two arms that carry the pane by topic; results and slip of every tick."""
 
     def __init__(self, law: Law, kind: str, *assignments: str) -> None:
-        self.loop = ClosedLoop(load(UPRIGHT, law=law, set=(f"controller.trajectory.kind={kind}", *assignments)))
+        self.loop = ClosedLoop(
+            load("pane_two_arms_upright", law=law, set=(f"controller.trajectory.kind={kind}", *assignments))
+        )
         self.results: list[tuple[CycleResult, ...]] = []
         self.slip_m = 0.0
         self.tick()

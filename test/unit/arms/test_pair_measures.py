@@ -13,7 +13,6 @@ from slip_vic.scenarios.scenario import load
 from slip_vic_controller.robot import Robot
 
 SHORT = ("left.bridge.duration_s=0.03", "right.bridge.duration_s=0.03")
-UPRIGHT = "pane_two_arms_upright"
 
 
 def test_internal_wrenches_balance() -> None:
@@ -28,7 +27,7 @@ def test_internal_wrenches_balance() -> None:
 
 
 def test_run_has_both_arms(tmp_path: Path) -> None:
-    run = load(UPRIGHT, law="vic", set=SHORT).run()
+    run = load("pane_two_arms_upright", law="vic", set=SHORT).run()
     assert run.outcome == "ok"
     assert list(run.summary) == ["left", "right"]
     assert len(run.frame("right")) == 30

@@ -19,7 +19,6 @@ def declared(model: type[ParameterModel]) -> dict[str, tuple]:
 
 
 def test_parameters_of_one_name_have_one_declaration():
-    """slip_axes once had two defaults."""
     bridge, controller = (declared(model) for model in NODES)
     common = (bridge.keys() & controller.keys()) - SAME_NAME_OTHER_MEANING
     shared = {"object.mass", "contacts.slip_axes", "contacts.orientation_xyzw", "gravity", "ee_frame", "joint_names"}

@@ -118,12 +118,8 @@ def test_noise_is_no_load_that_friction_carries(load) -> None:
 
 
 def test_belief_without_evidence_returns_to_the_prior() -> None:
-    prior, state = belief(), belief()
+    state = belief()
     ride(state, 0.9, 0.9, 0.3)
-    state.slides[:] = 0.0
-    before = np.abs(all_of(state) - all_of(prior)).sum()
-    for _ in range(20):
-        call(change_friction, state, 1.0)
-        call(change_friction, prior, 1.0)
-    np.testing.assert_allclose(prior.sticks, PRIOR / PRIORS, rtol=1e-9)
-    assert np.abs(all_of(state) - all_of(prior)).sum() < 0.5 * before
+    for _ in range(600):
+        call(change_friction, state, 0.4)
+    np.testing.assert_allclose(all_of(state), PRIOR / PRIORS, rtol=1e-2)

@@ -17,12 +17,8 @@ def test_products_and_solutions_are_those_of_numpy() -> None:
         np.testing.assert_allclose(product(A, B, C), A @ B @ C, rtol=ROUNDING, atol=ROUNDING)
         np.testing.assert_allclose(product(A, B[:, 0]), A @ B[:, 0], rtol=ROUNDING, atol=ROUNDING)
         square = dice.normal(size=(n, n))
+        square[0, 0] *= n == 1  # rows must be exchanged
         np.testing.assert_allclose(solve(square, C), np.linalg.solve(square, C), rtol=1e3 * ROUNDING)
-
-
-def test_solve_exchanges_rows() -> None:
-    A = np.array([[0.0, 2.0], [4.0, 1e-20]])
-    np.testing.assert_allclose(solve(A, np.eye(2)), np.linalg.inv(A))
 
 
 def test_riccati_is_the_stabilising_solution() -> None:
