@@ -121,5 +121,5 @@ def test_belief_without_evidence_returns_to_the_prior() -> None:
     state = belief()
     ride(state, 0.9, 0.9, 0.3)
     for _ in range(600):
-        call(change_friction, state, 0.4)
+        call(change_friction, state, 2.0)
     np.testing.assert_allclose(all_of(state), PRIOR / PRIORS, rtol=1e-2)

@@ -205,8 +205,8 @@ def change_friction(state: Belief, dt: float) -> None:
     t, total = BELIEF_TUNING, 0.0
     for i in range(RATIOS):
         total += state.sticks[i] + state.slides[i]
-    moves = 0.5 * dt * (t.diffusion / t.step) ** 2  # to each neighbour
-    renewed = t.change_rate * dt
+    moves = min(0.5 * dt * (t.diffusion / t.step) ** 2, 0.25)  # to each neighbour; more in a step is not stable
+    renewed = min(t.change_rate * dt, 1.0)
     a_in = b_in = 0.0  # from the neighbour before
     for i in range(RATIOS):
         a_new, b_new = state.sticks[i] + a_in, state.slides[i] + b_in
