@@ -121,7 +121,7 @@ def test_full_disk_leaves_a_recoverable_bag(tmp_path, monkeypatch):
         (refuse if len(written) > 2 * FLUSH else honest)(self, *arguments)
 
     monkeypatch.setattr(Writer, "add_message", write)
-    with pytest.raises(StorageError, match=r"No space left on device; .*bag recover"):
+    with pytest.raises(StorageError, match=r": No space left on device; .*bag recover"):
         make_bag(tmp_path / "bag", count=COUNT, topics=TOPICS, flush_every=10)
     monkeypatch.undo()
     recover(tmp_path / "bag", tmp_path / "out")
