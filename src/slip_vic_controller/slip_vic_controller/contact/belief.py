@@ -77,7 +77,7 @@ RATIO: Final = np.array([BELIEF_TUNING.least_ratio * math.exp(i * BELIEF_TUNING.
 PRIOR: Final = np.array([math.exp(-0.5 * (math.log(r) / BELIEF_TUNING.spread) ** 2) for r in RATIO.tolist()])
 """Probability of each hypothesis at first, over `PRIORS`."""
 PRIORS: Final = float(np.cumsum(PRIOR)[-1])  # `sum` rounds differently from Python 3.12 on
-RISE: Final = np.sqrt(np.append(PRIOR[1:] / PRIOR[:-1], 1.0))
+RISE: Final = np.sqrt(PRIOR[1:] / PRIOR[:-1])
 """Diffusion to the next hypothesis, over the one without a prior; back: the inverse. The prior is stationary then."""
 _SQRT_HALF: Final = math.sqrt(0.5)
 
@@ -114,7 +114,7 @@ def start_belief(state: Belief, load: float, F: float) -> None:
     state.sticks[:], state.slides[:] = PRIOR / PRIORS, 0.0
     state.measured = state.commanded = state.drawn = state.carried = state.needed = load
     put_spatial(state.load, Spatial(Vec(load, 0.0, 0.0), ZERO))
-    put_spatial(state.last, Spatial(Vec(load, 0.0, 0.0), ZERO))
+    state.last[:] = state.load
     state.noise, state.square, state.product, state.count = BELIEF_TUNING.first_noise * F, 0.0, 0.0, 0
 
 

@@ -167,6 +167,12 @@ def may_be_shear(
 
 
 @part
+def slip_threshold(config: FrictionConfig, found: bool) -> float:
+    """Return the speed [m/s] from which a sample shows slip; found: whether the observer finds it too."""
+    return (OBSERVED if found else 1.0) * config.threshold
+
+
+@part
 def slip_sample(
     config: FrictionConfig,
     contact: ContactEstimate,
@@ -190,7 +196,7 @@ def slip_sample(
     Implements: ours: F^ <- min(F^, 0.95 min(|S^-1 h_ee|, |l(a_C)|)) at the stamp of the first slip sample.
     """
     speed, slips = math.sqrt(slip.dot(slip)), contact.slipping != 0
-    if not speed > (OBSERVED if found else 1.0) * config.threshold:
+    if not speed > slip_threshold(config, found):
         state.said, state.way[:], state.last_ns = 0, 0.0, stamp_ns
         if slips and stamp_ns - contact.slip_ns >= QUIET_NS:
             contact.slipping = 0

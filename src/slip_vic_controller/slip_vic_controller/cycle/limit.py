@@ -36,12 +36,9 @@ def finish(c: ArmCycle, q: Array, qd: Array) -> None:
     n, now_ns, limits, sent = config.law.joints, inputs.now_ns, config.command, state.sent
     by_effort, at_work = limits.interface == Interface.EFFORT, follows(state.mode.mode)
     moves_s = passed_s = 1e-9 * min(max(now_ns - state.now_ns, 0), limits.longest_step_ns)
-    arm, h, of_wrench = inputs.arm, np.empty(6), np.zeros(MAX_JOINTS)
+    arm, h = inputs.arm, np.empty(6)
     R_ee = mat(arm.rotation)
     put_spatial(h, R_ee @ own_wrench(config, state, R_ee))
-    for j in range(n):
-        for i in range(6):
-            of_wrench[j] += arm.J[i, j] * h[i]
     if needs_restart(limits, sent, now_ns):
         begins = sent.started == 0
         # Loops of the drives overcome friction, which the model does not have: there it begins with gravity.
@@ -49,7 +46,7 @@ def finish(c: ArmCycle, q: Array, qd: Array) -> None:
         if by_effort:
             felt[:] = state.joint.answers.effort
         start_limiter(limits, sent, felt, state.law.gravity, now_ns)
-        known = begins or inputs.arm.M[0, 0] > 0.0  # else the state of the drives is unknown
+        known = begins or arm.M[0, 0] > 0.0  # else the state of the drives is unknown
         if known and not by_effort:
             # After a pause where the joints are, not where the last command led: drives may have braked.
             if config.estimator.on != 0 and state.estimate.started != 0 and not begins:
@@ -61,13 +58,18 @@ def finish(c: ArmCycle, q: Array, qd: Array) -> None:
     torque, clipped, saturated = np.empty(MAX_JOINTS), np.zeros(MAX_JOINTS, np.int64), 0
     torque[:n] = outputs.wanted[:n]
     if config.estimator.on != 0 and by_effort:  # what a drive with a loop of its own does not follow is no torque
+        of_wrench = np.zeros(MAX_JOINTS)
+        for j in range(n):
+            for i in range(6):
+                of_wrench[j] += arm.J[i, j] * h[i]
         judged = config.tare.duration_ns == 0 or state.tare.rough != 0
-        oppose_disturbance(config.estimator, state.estimate, inputs.arm.M, of_wrench, passed_s, judged, torque)
-    avoid_limits(limits, q, qd, inputs.arm.M, torque)
+        oppose_disturbance(config.estimator, state.estimate, arm.M, of_wrench, passed_s, judged, torque)
+    avoid_limits(limits, q, qd, arm.M, torque)
     finite = limit_effort(limits, sent, torque, now_ns, clipped)
     # Without a good joint state the effort stays as it was, and so does the acceleration.
     u = state.estimate.inputs[state.estimate.newest].copy()
-    if arm.M[0, 0] > 0.0 and not joint_acceleration(n, arm.M, arm.bias, arm.J, h, sent.effort, u):
+    moved = (by_effort or at_work) and arm.M[0, 0] > 0.0  # else drives with loops of their own come to rest
+    if moved and not joint_acceleration(n, arm.M, arm.bias, arm.J, h, sent.effort, u):
         u[:] = 0.0
     if not by_effort:
         _move(c, u, moves_s)

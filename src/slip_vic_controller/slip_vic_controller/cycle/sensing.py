@@ -13,13 +13,13 @@ from slip_vic_controller.arm.estimator import SIGNIFICANT, EstimatorConfig
 from slip_vic_controller.contact.belief import BELIEF_TUNING, certain_share, keep_past, see_load, see_slip, sliding
 from slip_vic_controller.contact.estimate import SensorHealth
 from slip_vic_controller.contact.friction_estimate import (
-    OBSERVED,
     QUIET_NS,
     certify,
     learn_carried,
     put_certain,
     remember,
     slip_sample,
+    slip_threshold,
     suspect,
     take_weaker,
 )
@@ -180,7 +180,7 @@ def estimate_contact(c: ArmCycle, unknown: bool, dt: float) -> None:
         slip = Spatial(v.linear, limits.radius * v.angular)  # S v_s, turning as a speed at the torsional radius
         slip_sample(limits.friction, contact, friction, sample.stamp_ns, slip, found)
         if config.grip.follow != 0:
-            see_slip(pad.belief, sample.stamp_ns, size(slip), (OBSERVED if found else 1.0) * limits.friction.threshold)
+            see_slip(pad.belief, sample.stamp_ns, size(slip), slip_threshold(limits.friction, found))
         if alone and limits.friction.quantum != math.inf:
             add_reading(pad.sensor, sample.stamp_ns, slip, -spatial(evidence.measured), contact.slipping != 0)
             judge_health(pad.sensor, DIFFERS, SIGNIFICANT, config.tare.slip_linear, limits.friction.quantum)

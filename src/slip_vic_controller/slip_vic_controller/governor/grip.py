@@ -93,6 +93,6 @@ def squeeze(config: GripConfig, grip: Grip, needed: float, slips: bool, slides: 
     grip.actual += share * (held - grip.actual)
     wanted = min(max(needed + config.error_force, config.least_force), config.cap)
     kept = math.exp(-dt / SINKS_S)
-    moved = wanted + (1.0 if slips else kept) * (grip.command - wanted)
-    moved = grip.command / kept if slides else moved
+    falls = 1.0 if slips else kept
+    moved = grip.command / kept if slides else wanted + falls * (grip.command - wanted)
     grip.command = kept * grip.command if grip.opens != 0 else min(max(wanted, moved), config.cap)
