@@ -13,6 +13,7 @@ from functools import reduce
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from slip_core.compiled import interpreted, part
 from slip_core.errors import InputError
 
 Array = NDArray[np.float64]
@@ -89,30 +90,36 @@ DOUBLINGS = 60
 
 def product(*factors: Array) -> Array:
     """Return the product of matrices, from left to right; the last one may be a vector."""
-    return reduce(_product, factors)
+    found = reduce(interpreted(times), (A.reshape(len(A), -1) for A in factors))
+    return found.reshape(-1) if factors[-1].ndim == 1 else found
 
 
-def _product(A: Array, B: Array) -> Array:
-    total = np.multiply.outer(A[:, 0], B[0])
+@part
+def times(A: Array, B: Array) -> Array:
+    """Return the product of two matrices."""
+    total = A[:, :1] * B[:1]
     for k in range(1, len(B)):
-        total += np.multiply.outer(A[:, k], B[k])
+        total += A[:, k : k + 1] * B[k : k + 1]
     return total
 
 
+@part
 def solve(A: Array, B: Array) -> Array:
     """Return A^-1 B by elimination; (n, n), (n, m) -> (n, m). The rows of A are exchanged for the largest pivot."""
     n = len(A)
     rows = np.hstack((A, B))
     for i in range(n):
-        pivot = i + int(np.abs(rows[i:, i]).argmax())
-        rows[[i, pivot]] = rows[[pivot, i]]
-        rows[i] /= rows[i, i]
+        pivot, row = i + np.abs(rows[i:, i]).argmax(), rows[i].copy()
+        rows[i] = rows[pivot] / rows[pivot, i]
+        if pivot != i:
+            rows[pivot] = row
         for j in range(n):
             if j != i:
                 rows[j] -= rows[j, i] * rows[i]
     return rows[:, n:]
 
 
+@part
 def riccati(F: Array, H: Array, Q: Array, R: Array) -> Array:
     """Return the covariance (n, n) of a Kalman filter in steady state, before a sample.
 
@@ -124,11 +131,14 @@ def riccati(F: Array, H: Array, Q: Array, R: Array) -> Array:
 
     Implements: the structure-preserving doubling algorithm of E. K.-W. Chu, H.-Y. Fan, W.-W. Lin, C.-S. Wang, 2004.
     """
-    n, A, G, P = len(F), F.T, product(H.T, solve(R, H)), Q
+    n, A, G, P = len(F), F.T.copy(), times(H.T, solve(R, H)), Q.copy()
     for _ in range(DOUBLINGS):
-        solved = solve(np.eye(n) + product(G, P), np.hstack((A, product(G, A.T))))
-        before = P
-        A, G, P = product(A, solved[:, :n]), G + product(A, solved[:, n:]), P + product(A.T, P, solved[:, :n])
+        solved, before = solve(np.eye(n) + times(G, P), np.hstack((A, times(G, A.T)))), P.copy()
+        P += times(times(A.T, P), solved[:, :n])
+        G += times(A, solved[:, n:])
+        after = times(A, solved[:, :n])
+        for i in range(n):  # in place: what is new in a step is released with it
+            A[i] = after[i]
         if np.array_equal(P, before):
             break
     return 0.5 * (P + P.T)

@@ -94,6 +94,11 @@ class Part:
         return self._alone(*arguments)
 
 
+def interpreted(function: F) -> F:
+    """Return the Python function of a part, with the same bits: for rare calls, so that nodes do not import numba."""
+    return cast(F, getattr(function, "py_func", function))
+
+
 def compiler() -> Any:
     """Return the module that compiles, which takes a second to import."""
     return importlib.import_module("slip_core.compiler")

@@ -8,12 +8,11 @@ read them, `put` and `put_mat` write.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, TypeVar, cast
+from typing import NamedTuple, TypeVar
 
 from slip_core.arrays import Array
 from slip_core.compiled import part
 
-F = TypeVar("F")
 T = TypeVar("T", bound=type)
 Turned = TypeVar("Turned", "Vec", "Mat", "Spatial")
 
@@ -25,11 +24,6 @@ def algebra(cls: T) -> T:
     cls.__array_ufunc__ = None  # type: ignore[attr-defined]  # a numpy number times a Vec is a Vec, not an array
     ALGEBRAS.append(cls)
     return cls
-
-
-def interpreted(function: F) -> F:
-    """Return the Python function of a part, with the same bits: for rare calls, so that nodes do not import numba."""
-    return cast(F, getattr(function, "py_func", function))
 
 
 @algebra

@@ -10,6 +10,7 @@ from numba import carray
 
 from slip_core.arrays import Array
 from slip_core.records import POSE, record
+from slip_vic_controller.config.noise import use_tare
 from slip_vic_controller.contact.observer import ROW_SIZE
 from slip_vic_controller.cycle.cycle import cycle, describe
 from slip_vic_controller.interfaces import mean_velocity
@@ -93,6 +94,11 @@ def slip_vic_retune(config: Out, classical: int, spin_excursion: float, hold_sti
     fill_hold(c.hold, of.mass, of.inertia, of.gravity, hold_stiffness, period_s)
 
 
+def slip_vic_use_tare(config: Out, arm: In) -> None:
+    """Use the noise that a tare has measured, after a cycle in which `arm->tare.rough` or `.done` has changed."""
+    use_tare(carray(config, CONFIG_SIZE), carray(arm, ARM_SIZE))
+
+
 def slip_vic_begin_answer(
     config: In, arm: Out, inputs: Out, now_ns: int, request: int, missing: int, reason: int
 ) -> int:
@@ -152,6 +158,7 @@ FUNCTIONS = (
     slip_vic_is_silent,
     slip_vic_ramp_to,
     slip_vic_retune,
+    slip_vic_use_tare,
     slip_vic_stiffness_limit,
     slip_vic_begin_answer,
     slip_vic_gather,

@@ -22,7 +22,7 @@ const void *state() { return &of->session.task(); }
 const void *exchange() { return &of->session.inputs(); }
 const void *config() { return &of->session.config(); }
 
-/* Noise that a tare has measured, and parameters that only Python changes: CONFIG, then the state. */
+/* Parameters that only Python changes: CONFIG, then the state. */
 void change(int64_t, int64_t, const double *numbers) {
   const size_t size = sizeof(SlipVic_ControllerConfig) / sizeof(double);
   std::copy_n(numbers, size, reinterpret_cast<double *>(const_cast<void *>(config())));

@@ -64,9 +64,8 @@ class BesideNative(OneArm):
         return getattr(self._library, name)(ctypes.c_int64(first), ctypes.c_int64(now_ns), pointer)
 
     def _change(self) -> None:
-        """Take over CONFIG and state: of the noise of a tare, and of parameters that no node changes."""
-        self._config = self.session.config
-        self._call("change", 0, 0, self._config, self.session.buffer)
+        """Take over CONFIG and state: of parameters that no node changes."""
+        self._call("change", 0, 0, self.session.config, self.session.buffer)
 
     def add_joint(self, sample: JointSample, now_ns: int) -> None:
         self.arm.add_joint(sample, now_ns)
@@ -109,8 +108,6 @@ class BesideNative(OneArm):
                 self._change()
             else:
                 assert theirs == refusal, f"native: a change is answered by {theirs!r} alone"
-                self._compare(config=self.session.config)
-                self._config = self.session.config
 
     def cycle(self, now_ns: int) -> CycleResult | None:
         self._call("request", self.arm._request, 0)
@@ -124,18 +121,16 @@ class BesideNative(OneArm):
         """Return Python's result, where it is that of the native session."""
         assert answers == (result is not None), f"native: cycle {self.arm.cycles}: one answers alone"
         assert self._library.slip_vic_faults() == 0, "native: compiled code has met an exception"
-        self._compare(state=self.session.buffer)
+        self._compare(state=self.session.buffer, config=self.session.config)
         if result is not None:
             self._compare(exchange=np.concatenate((result.inputs, result.outputs)))
-        if self.session.config is not self._config:
-            self._change()
         return result
 
     def _compare(self, **numbers: Array) -> None:
-        (name, mine), *_ = numbers.items()
-        theirs = ctypes.string_at(getattr(self._library, name)(), mine.nbytes)
-        same = (_bits(theirs) == _bits(mine.tobytes())).all()
-        assert same, f"native: cycle {self.arm.cycles}: {name} differs"
+        for name, mine in numbers.items():
+            theirs = ctypes.string_at(getattr(self._library, name)(), mine.nbytes)
+            same = (_bits(theirs) == _bits(mine.tobytes())).all()
+            assert same, f"native: cycle {self.arm.cycles}: {name} differs"
 
 
 def _bits(numbers: bytes) -> NDArray[np.int64]:

@@ -24,7 +24,7 @@ from slip_vic_controller.arm.estimator import (
     remember_input,
     transition,
 )
-from slip_vic_controller.config.joints import MODEL_NOISE, Tuning, estimator_config, steady_state
+from slip_vic_controller.config.joints import MODEL_NOISE, estimator_config, steady_state
 from slip_vic_controller.contact.observer import MOTION
 from slip_vic_controller.cycle.sensing import pad_variances
 from slip_vic_controller.law.arm import ARM
@@ -35,7 +35,6 @@ from test.support.call import blank, call
 
 MS, T, N = 1_000_000, 1e-3, 3
 LIMIT = np.array([87.0, 50.0, 12.0])
-TUNING = Tuning(2e-5, 3e-3, 30.0, 0.0, T)
 EXACT = 1e-12  # the same numbers by two ways
 CONVERGED = 1e-6  # the recursion's distance from its limit, relative
 
@@ -72,13 +71,13 @@ def test_transition_is_the_matrix_exponential() -> None:
 
 
 def test_gains_are_the_recursion_limit() -> None:
-    for tuning in (TUNING, Tuning(1e-4, 0.01, 100.0, 0.0, T), TUNING._replace(bandwidth=100.0)):
-        steady, (position, velocity, drift, bandwidth, *_) = steady_state(tuning), tuning
-        predicted, updated, gain = joint_filter.covariances(position, velocity, MODEL_NOISE, drift, bandwidth, T)
-        np.testing.assert_allclose(steady.predicted, predicted, rtol=CONVERGED)
-        np.testing.assert_allclose(steady.updated, updated, rtol=CONVERGED, atol=1e-18)
-        np.testing.assert_allclose(steady.gain, gain, rtol=CONVERGED)
-        assert steady.change_variance == pytest.approx(float((predicted - updated)[1, 1]), rel=CONVERGED)
+    config = configuration()
+    for drift, config.bandwidth, config.noise, velocity in ((30.0, 0.0, 2e-5, 3e-3), (30.0, 100.0, 1e-4, 0.01)):
+        updated, predicted = call(steady_state, config, velocity, drift, Trust.BOTH)
+        expected = joint_filter.covariances(config.noise, velocity, MODEL_NOISE, drift, config.bandwidth, T)
+        np.testing.assert_allclose(predicted, expected[0], rtol=CONVERGED)
+        np.testing.assert_allclose(updated, expected[1], rtol=CONVERGED, atol=1e-18)
+        np.testing.assert_allclose(config.gain[Trust.BOTH], expected[2], rtol=CONVERGED)
 
 
 def test_samples_used_at_measurement_time() -> None:

@@ -11,7 +11,7 @@
 #include <stdint.h>
 #include <stdlib.h>
 
-#define ROOM 65536 /* bytes; a test checks that the largest call needs less than a tenth */
+#define ROOM 65536 /* bytes; a test checks that the largest call needs less than a fifth */
 
 static _Atomic int64_t faults;
 

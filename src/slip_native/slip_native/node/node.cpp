@@ -11,7 +11,6 @@
 
 static const int64_t WATCHDOG_NS = 10'000'000, LOOK_NS = 20'000'000;
 static const size_t KEPT = 100; /* messages that wait, of inputs of which none may be lost */
-static const ros::Qos LATCHED{true, true, 1}, EVERY{true, false, 10000};
 
 static int64_t now_ns() {
   return std::chrono::nanoseconds(std::chrono::steady_clock::now().time_since_epoch()).count();
@@ -43,7 +42,7 @@ ControllerNode::ControllerNode(ros::Node &ros, const Settings &settings)
       joints_(settings.joint_names),
       command_(ros, settings.interface + "_command"),
       ledger_(ros, "controller/ledger"),
-      ready_(ros, "controller/ready", LATCHED),
+      ready_(ros, "controller/ready", ros::LATCHED),
       parameters_(ros, session_, &services_) {
   ros::set(command_.message->name, settings.joint_names);
   if (settings.interface != "effort" || settings.effort_array) array_.emplace(ros, settings.interface + "_controller/commands");

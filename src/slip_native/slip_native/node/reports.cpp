@@ -27,8 +27,6 @@ void Refusals::add(const std::string &topic, const InputError &error) {
   if (told_.emplace(topic, error.expected).second) log_error(topic + ": message refused: " + error.what());
 }
 
-static const ros::Qos LATCHED{true, true, 1}, EVERY{true, false, 10000};
-
 static std::vector<std::string> names_of_symbols(size_t joints, bool governed) {
   static const char *const axes[] = {"x", "y", "z", "rx", "ry", "rz"};
   std::vector<std::string> names;
@@ -53,7 +51,7 @@ Reports::Reports(ros::Node &ros, const Settings &settings, const Session &sessio
       scalars_(ros, "controller/scalars"),
       ee_pose_(ros, "controller/ee_pose"),
       reference_pose_(ros, "controller/reference_pose"),
-      mode_(ros, "controller/mode", LATCHED),
+      mode_(ros, "controller/mode", ros::LATCHED),
       status_(ros, "/diagnostics", {true, false, 100}) {
   publishers_ = {&scalars_, &ee_pose_, &reference_pose_};
   if (session.config().estimator.on) {
@@ -66,7 +64,7 @@ Reports::Reports(ros::Node &ros, const Settings &settings, const Session &sessio
     ros::set(timing_->message->name, {std::begin(TIMING_NAMES), std::end(TIMING_NAMES)});
     publishers_.push_back(&*timing_);
   }
-  if (settings.trajectory == "goal") goal_.emplace(ros, "controller/goal", LATCHED);
+  if (settings.trajectory == "goal") goal_.emplace(ros, "controller/goal", ros::LATCHED);
   const std::vector<std::string> names = names_of_symbols(settings.joint_names.size(), settings.governed());
   ros::set(scalars_.message->name, names);
   numbers_.resize(names.size());

@@ -139,6 +139,7 @@ struct Qos {
     return made;
   }
 };
+inline const Qos LATCHED{true, true, 1};
 
 /* rcl for one process: its context and its only node. */
 class Node {

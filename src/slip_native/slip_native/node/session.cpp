@@ -87,6 +87,9 @@ bool Session::cycle(int64_t now_ns) {
     terms_.fill(arm_->joint.answers.position, arm_->joint.answers.velocity, &inputs_->arm);
   request_ = SLIP_VIC_REQUEST_NONE;
   commands_ = slip_vic_cycle(&config(), state_.data(), exchange_.data(), 1, static_cast<int64_t>(settings_.rows())) & 1;
+  const int64_t measured = arm_->tare.rough + 2 * arm_->tare.done;
+  if (measured != measured_) slip_vic_use_tare(&config_, arm_);
+  measured_ = measured;
   return true;
 }
 

@@ -75,6 +75,7 @@ class Session {
   SlipVic_CycleOutputs *outputs_;
   bool waits_ = false, commands_ = false, active_ = true;
   int64_t waiting_ns_ = 0, answered_ns_ = 0, reason_ = 0, request_ = SLIP_VIC_REQUEST_NONE;
+  int64_t measured_ = 0; /* by a tare: 1 noise of the velocities, 2 all noise */
   std::vector<int64_t> manifest_, wrench_counts_, slip_counts_;
   std::vector<std::optional<std::pair<int64_t, SlipVic_Pose>>> displacements_; /* the last of each contact */
 };

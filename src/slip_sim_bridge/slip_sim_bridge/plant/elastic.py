@@ -14,9 +14,9 @@ import mujoco
 import numpy as np
 
 from slip_core.arrays import Array, matrix_from_quat_xyzw
+from slip_core.compiled import interpreted
 from slip_core.errors import InputError
 from slip_core.records import POSE, Pose, Records, record, records
-from slip_core.vectors import interpreted
 from slip_sim_bridge.friction import friction_law
 from slip_sim_bridge.friction.limit_surface import ROOT_MARGIN
 from slip_sim_bridge.params import BridgeParams

@@ -9,8 +9,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from slip_core.arrays import Array
+from slip_core.compiled import interpreted
 from slip_core.errors import InputError
-from slip_core.vectors import interpreted
 from slip_sim_bridge.params import BridgeParams
 from slip_vic_controller.law.torque import given_axes
 from slip_vic_controller.params.controller_params import ControllerParams, SingularityParams, TrajectoryParams

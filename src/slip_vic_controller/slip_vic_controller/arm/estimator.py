@@ -101,6 +101,9 @@ class EstimatorConfig(Record):
     joints: Whole
     period: Real  # s; of control
     bandwidth: Real  # rad/s; of velocity drives, 0 = efforts
+    noise: Real  # rad; of positions, a standard deviation
+    more_noise: Real  # rad/s; of velocities, from counts and a filter
+    drift: Real  # rad/s^2; of the disturbance after one second
     late_ticks: Whole  # latency of the sensor, whole control periods
     drive_ticks: Whole  # control periods from an input to its effect
     sensor_ticks: Whole  # control periods for which the sensor repeats a sample; 1 = each is new

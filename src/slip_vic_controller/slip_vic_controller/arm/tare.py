@@ -6,7 +6,7 @@ wrench that another mass of the object explains is that of another mass, and the
 tare has passed the wrench is the model's: a sensor that was not checked moves no joint, and a joint that moves all the
 same ends the tare in FAULT.
 Biases inside the configured bounds are taken out; a larger one is a reason not to begin, with the sensor's name.
-Noise that is larger than configured replaces what is configured (`config/joints.py`); that of joint velocities at once,
+Noise that is larger than configured replaces what is configured (`config/noise.py`); that of joint velocities at once,
 from their differences, in which a slow motion cancels: HOLD with too little noise configured shakes the arm, and finds
 no rest.
 """
@@ -45,6 +45,11 @@ class TareConfig(Record):
     torque: Real  # N m
     mass: Real  # kg, of the object
     mass_share: Real  # of it by which it may be wrong
+    noise_velocity: Real  # rad/s; what is configured of the sensors' noise, standard deviations
+    noise_linear: Real  # m/s; of slip
+    noise_angular: Real  # rad/s
+    noise_force: Real  # N
+    noise_torque: Real  # N m
 
 
 class Mean(Record):

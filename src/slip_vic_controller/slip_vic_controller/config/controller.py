@@ -13,13 +13,14 @@ import numpy as np
 
 from slip_core.arms import shared
 from slip_core.arrays import Array, matrix_from_quat_xyzw, product
+from slip_core.compiled import interpreted
 from slip_core.records import Records, copy_fields, new, place, record, records
 from slip_core.stamps import seconds_to_ns
 from slip_core.types import JointCommand
-from slip_core.vectors import interpreted
 from slip_vic_controller.arm.command import Interface
 from slip_vic_controller.arm.estimator import BLIND_S, ESTIMATOR_CONFIG, MEAN_S
-from slip_vic_controller.config.joints import DEVIATIONS, estimator_config
+from slip_vic_controller.config.joints import estimator_config
+from slip_vic_controller.config.noise import fill_threshold
 from slip_vic_controller.config.observer import TUNING, capacity, observer_config, slip_count
 from slip_vic_controller.contact.friction_estimate import Friction
 from slip_vic_controller.contact.observer import OBSERVER_CONFIG, ROW_SIZE
@@ -157,8 +158,12 @@ def _make_config(params: ControllerParams, robot: Robot, *, lockstep: bool, arms
     config.hold.carriers = max(arms, params.contacts.count)
     for part in (config.command, config.hold, config.tare):
         part.joints = len(robot.joint_names)
-    use_noise(config, params, robot.effort_limit)
-    copy_fields(config.tare, params.tare, params.object)
+    if params.slip_estimator == "observer":
+        config.observer = record(observer_config(params), OBSERVER_CONFIG)
+    config.estimator = record(estimator_config(params, robot.effort_limit), ESTIMATOR_CONFIG)
+    _fill_governor(config.governor, params)
+    sensors = params.joint_sensor, params.slip_sensor, params.wrench_sensor
+    copy_fields(config.tare, params.tare, params.object, *sensors)
     config.tare.slip_linear, config.tare.slip_angular = params.tare.slip
     config.tare.force, config.tare.torque = params.tare.wrench
     copy_fields(config.grip, params.grip)
@@ -179,20 +184,6 @@ def renew_config(config: ControllerConfig, params: ControllerParams) -> None:
     fill_contacts(params.contacts, config.law.contact)
     config.gains = record(gain_report(params).gains, LAW_GAINS)
     _use_hold(config, params)
-
-
-def use_noise(config: ControllerConfig, params: ControllerParams, effort_limit: Array) -> None:
-    """Use noise of the sensors in a CONFIG: what observer, estimator and governor take of it.
-
-    Args:
-        config: changed.
-        params: with that noise.
-        effort_limit: (n,) [N m].
-    """
-    if params.slip_estimator == "observer":
-        config.observer = record(observer_config(params), OBSERVER_CONFIG)
-    config.estimator = record(estimator_config(params, effort_limit), ESTIMATOR_CONFIG)
-    _fill_governor(config.governor, params)
 
 
 def governed_stream(params: ControllerParams) -> bool:
@@ -292,9 +283,9 @@ def _fill_governor(governor: GovernorConfig, params: ControllerParams) -> None:
     copy_fields(estimate, given)
     estimate.friction, estimate.configured = Friction[given.friction.upper()], given.friction_limit
     estimate.least = LEAST_SHARE * given.friction_limit
-    noise = math.hypot(math.sqrt(2.0) * sensor.noise_linear, given.torsional_radius * sensor.noise_angular)
     estimate.quantum = math.inf if params.slip_input == "flag" else sensor.quantum_linear
-    estimate.threshold = max(TUNING.least_slip[0], DEVIATIONS * noise, sensor.quantum_linear)
+    estimate.least_threshold = max(TUNING.least_slip[0], sensor.quantum_linear)
+    interpreted(fill_threshold)(governor, sensor.noise_linear, sensor.noise_angular)
     estimate.noise_ns = seconds_to_ns(MEAN_S) if params.tare.duration_s > 0.0 else 0
     estimate.slip_count = slip_count(params)
     estimate.confirmed = min(CONFIRMED, estimate.slip_count) if params.estimates_joints else 1

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
-from slip_core.arrays import Array, product, riccati, solve
+from slip_core.arrays import Array, riccati, solve, times
+from slip_core.compiled import OUT1, REAL, VOID, kernel, part
 from slip_core.errors import InputError
 from slip_core.records import new, record
-from slip_core.vectors import interpreted
 from slip_vic_controller.arm.estimator import (
     BIAS,
     DIFFERENCE,
@@ -24,9 +23,7 @@ from slip_vic_controller.arm.estimator import (
     Trust,
     transition,
 )
-from slip_vic_controller.arm.tare import Mean, Tare, deviation
 from slip_vic_controller.params.controller_params import ControllerParams
-from slip_vic_controller.sizes import MAX_JOINTS
 
 DEVIATIONS: Final = 6.0
 """Standard deviations of a sample that are no noise."""
@@ -46,121 +43,89 @@ do not answer what the others compensate."""
 RATE, COLLISION = 10.0, 0.3
 """Fastest change of the compensation [1/s], and jump of the disturbance that is a collision, as shares of the joint's
 effort limit."""
-LARGER: Final = 1.5
-"""Measured noise over the configured one from which it is used: a spread of few samples is not exact."""
 
 
-class Tuning(NamedTuple):
-    """What the filter of a joint is made for.
-
-    position, velocity: standard deviations of their noise [rad], [rad/s]; drift: of the disturbance after one second
-    [rad/s^2]; bandwidth: of a velocity drive [rad/s], 0 = efforts; period: of control [s]; ticks: control periods after
-    which a sample is new.
-    """
-
-    position: float
-    velocity: float
-    drift: float
-    bandwidth: float
-    period: float
-    ticks: int = 1
-
-
-class SteadyState(NamedTuple):
-    """A Kalman filter in steady state: covariance before and after a sample (3, 3), and its gain (3, 2)."""
-
-    predicted: Array
-    updated: Array
-    gain: Array
-
-    @property
-    def change_variance(self) -> float:
-        """Variance that the corrections add to the velocity in every period [(rad/s)^2]: (K S K^T)_vv."""
-        return float((self.predicted - self.updated)[1, 1])
-
-
-def predict(tuning: Tuning, P: Array, ticks: int) -> tuple[Array, Array]:
+@part
+def predict(config: EstimatorConfig, drift: float, P: Array, ticks: int) -> tuple[Array, Array]:
     """Return F of (q, v, d) over a number of control periods, and a covariance P after them; (3, 3), (3, 3)."""
-    step, over = interpreted(transition)(tuning.bandwidth, tuning.period), np.eye(3)
-    F = np.array([[1.0, step.qv, step.qd], [0.0, step.vv, step.vd], [0.0, 0.0, 1.0]])
-    white = MODEL_NOISE * np.array([step.qd, step.vd, 0.0])
-    Q = np.outer(white, white) + np.diag([0.0, 0.0, tuning.drift**2 * tuning.period])
+    step, over = transition(config.bandwidth, config.period), np.eye(3)
+    F = np.array(((1.0, step.qv, step.qd), (0.0, step.vv, step.vd), (0.0, 0.0, 1.0)))
+    white = MODEL_NOISE * np.array((step.qd, step.vd, 0.0))
+    Q = np.outer(white, white)
+    Q[2, 2] = drift * drift * config.period
     for _ in range(ticks):
-        over, P = product(F, over), product(F, P, F.T) + Q
+        over, P = times(F, over), times(times(F, P), F.T) + Q
     return over, P
 
 
-def steady_state(tuning: Tuning, measured: Sequence[int] = (0, 1)) -> SteadyState:
-    """Return the filter of a joint of which position (0), velocity (1) or both are measured.
+@part
+def steady_state(config: EstimatorConfig, velocity: float, drift: float, trust: int) -> tuple[Array, Array]:
+    """Return the covariance (3, 3) after a sample of a joint's Kalman filter in steady state, and that before it.
 
     Position is not observable from velocity: it is integrated, v and d are filtered.
+
+    Args:
+        config: its gain for this `trust` is written.
+        velocity: noise of the velocities, a standard deviation [rad/s].
+        drift: of the disturbance after one second [rad/s^2].
+        trust: which of position and velocity are measured, a Trust; QUICK is both.
     """
-    rows, first = list(measured), measured[0]
-    F, Q = (A[first:, first:] for A in predict(tuning, np.zeros((3, 3)), tuning.ticks))
-    H, R = np.eye(3)[rows, first:], np.diag([tuning[k] ** 2 for k in rows])
-    P, gain = riccati(F, H, Q, R), np.zeros((3, 2))
-    K = solve(product(H, P, H.T) + R, product(H, P)).T
-    kept = np.eye(len(F)) - product(K, H)
-    gain[first:, rows] = K
-    return SteadyState(P, product(kept, P, kept.T) + product(K, R, K.T), gain)
+    first, last = 1 if trust == Trust.VELOCITY else 0, 1 if trust == Trust.POSITION else 2
+    F, Q = predict(config, drift, np.zeros((3, 3)), config.sensor_ticks)
+    deviations, H = np.array((config.noise, velocity))[first:last], np.eye(3)[first:last, first:]
+    R = np.diag(deviations * deviations)
+    P = riccati(F[first:, first:], H, Q[first:, first:], R)
+    K = solve(times(times(H, P), H.T) + R, times(H, P)).T
+    config.gain[trust] = 0.0
+    for i in range(len(K)):
+        config.gain[trust, first + i, first:last] = K[i]
+    kept = np.eye(3 - first) - times(K, H)
+    return times(times(kept, P), kept.T) + times(times(K, R), K.T), P
 
 
-def tuning_of(params: ControllerParams) -> Tuning:
-    """Return the assumptions of a joint's filter.
-
-    A count is uniform noise. A velocity that is made of counts has the noise of their difference, less by its filter,
-    and the filter's lag at LAG_ACCELERATION.
-    """
-    sensor, period = params.joint_sensor, params.control_period_s
-    quantum = sensor.quantum_position / math.sqrt(12.0)
-    position = max(math.hypot(sensor.noise_position, quantum), LEAST_POSITION)
-    velocity = sensor.noise_velocity if sensor.estimates else UNMEASURED_VELOCITY
-    if sensor.filter_s > 0.0:
-        weight = 1.0 - math.exp(-period / sensor.filter_s)
-        counted = math.sqrt(2.0) * quantum / period * weight / math.sqrt(2.0 - weight)
-        velocity = math.hypot(velocity, counted, LAG_ACCELERATION * sensor.filter_s)
-    bandwidth = 0.0 if params.command.interface == "effort" else params.drive.bandwidth
-    ticks = max(1, round(1.0 / (sensor.rate_hz * period))) if sensor.rate_hz > 0.0 else 1
-    return Tuning(position, max(velocity, LEAST_VELOCITY), params.disturbance.drift, bandwidth, period, ticks)
-
-
-def with_measured_noise(params: ControllerParams, tare: Tare) -> ControllerParams:
-    """Return the parameters with the noise that a tare has measured so far, where it is larger than what is configured.
-
-    Before the tare is done that is the noise of the joint velocities alone, from their differences.
-    """
-
-    def spread(mean: Mean) -> Array:
-        return np.array([interpreted(deviation)(mean, k) for k in range(MAX_JOINTS)])
-
-    velocity = spread(tare.velocity) if tare.done else spread(tare.change) / math.sqrt(2.0 / tuning_of(params).ticks)
-    found = {"joint_sensor": {"noise_velocity": max(velocity.max(), LEAST_VELOCITY)}}
-    if tare.done:
-        slip, wrench = spread(tare.slip)[:6] * params.contacts.slip_axes[:6], spread(tare.wrench)
-        found["slip_sensor"] = {"noise_linear": slip[:3].max(), "noise_angular": slip[3:].max()}
-        found["wrench_sensor"] = {"noise_force": wrench[:3].max(), "noise_torque": wrench[3:6].max()}
-    groups = {}
-    for group, numbers in found.items():
-        of = getattr(params, group)
-        more = {name: float(value) for name, value in numbers.items() if value > LARGER * getattr(of, name)}
-        groups[group] = of.model_copy(update=more)
-    return params.model_copy(update=groups)
+@kernel(VOID, OUT1, REAL)
+def fill_filters(config: Array, noise: float) -> None:
+    """Fill in what of an ESTIMATOR_CONFIG follows from the noise of joint velocities, a standard deviation [rad/s]."""
+    c = record(config, ESTIMATOR_CONFIG)
+    velocity = max(math.sqrt(noise * noise + c.more_noise * c.more_noise), LEAST_VELOCITY)
+    updated, P = steady_state(c, velocity, c.drift, Trust.BOTH.value)
+    steady_state(c, velocity, c.drift, Trust.POSITION.value)
+    steady_state(c, velocity, c.drift, Trust.VELOCITY.value)
+    steady_state(c, velocity, max(QUICK_DRIFT, c.drift), QUICK)
+    c.scale[0] = 1.0 / math.sqrt(P[0, 0] + c.noise * c.noise)
+    c.scale[1] = 1.0 / math.sqrt(P[1, 1] + velocity * velocity)
+    _, ahead = predict(c, c.drift, updated, c.late_ticks)
+    # The corrections change the velocity by a variance of (K S K^T)_vv in every period.
+    c.velocity_variance, c.change_variance = ahead[1, 1], P[1, 1] - updated[1, 1]
+    # The sum diffuses with noise of the velocities: its chance to be at S is exp(-2 BIAS S / (noise^2 period)), that
+    # of a sample beyond DEVIATIONS about exp(-DEVIATIONS^2 / 2).
+    diffused = DEVIATIONS * velocity * (DEVIATIONS * velocity) * c.sensor_period / (4.0 * BIAS)
+    c.difference = max(DIFFERENCE, diffused) + DEVIATIONS * math.sqrt(2.0) * c.noise
 
 
 def estimator_config(params: ControllerParams, effort_limit: Array) -> Array:
     """Return the EstimatorConfig buffer; effort_limit (n,) [N m].
+
+    A count is uniform noise. A velocity that is made of counts has the noise of their difference, less by its filter,
+    and the filter's lag at LAG_ACCELERATION.
 
     Raises:
         InputError: the latency is more than MAX_LATENCY control periods.
     """
     buffer = new(ESTIMATOR_CONFIG)
     config: EstimatorConfig = record(buffer, ESTIMATOR_CONFIG)
-    sensor, model, n = params.joint_sensor, params.disturbance, len(effort_limit)
-    by_effort, tuning = params.command.interface == "effort", tuning_of(params)
-    config.joints, config.period, config.bandwidth = n, tuning.period, tuning.bandwidth
-    config.on, period = int(params.estimates_joints), tuning.period
+    sensor, model, n, period = params.joint_sensor, params.disturbance, len(effort_limit), params.control_period_s
+    by_effort, quantum = params.command.interface == "effort", sensor.quantum_position / math.sqrt(12.0)
+    config.joints, config.period, config.bandwidth = n, period, 0.0 if by_effort else params.drive.bandwidth
+    config.on, config.drift = int(params.estimates_joints), model.drift
+    config.noise = max(math.hypot(sensor.noise_position, quantum), LEAST_POSITION)
+    if sensor.filter_s > 0.0:
+        weight = 1.0 - math.exp(-period / sensor.filter_s)
+        counted = math.sqrt(2.0) * quantum / period * weight / math.sqrt(2.0 - weight)
+        config.more_noise = math.hypot(counted, LAG_ACCELERATION * sensor.filter_s)
     config.late_ticks = round(sensor.latency_s / period)
-    config.sensor_ticks, config.sensor_period = tuning.ticks, tuning.ticks * period
+    config.sensor_ticks = max(1, round(1.0 / (sensor.rate_hz * period))) if sensor.rate_hz > 0.0 else 1
+    config.sensor_period = config.sensor_ticks * period
     config.drive_ticks = round((params.drive.delay_s + (params.drive.lag_s if by_effort else 0.0)) / period)
     if config.late_ticks + config.drive_ticks + 1 > MAX_LATENCY:
         raise InputError(
@@ -169,25 +134,15 @@ def estimator_config(params: ControllerParams, effort_limit: Array) -> Array:
             expected=f"together below {MAX_LATENCY * period:g} s",
             fix="raise control_period_s",
         )  # fmt: skip
-    both = steady_state(tuning)
-    config.gain[Trust.BOTH] = both.gain
-    config.gain[Trust.POSITION], config.gain[Trust.VELOCITY] = (steady_state(tuning, (k,)).gain for k in range(2))
-    config.gain[QUICK] = steady_state(tuning._replace(drift=max(QUICK_DRIFT, model.drift))).gain
-    S = np.diag(both.predicted)[:2] + np.array(tuning[:2]) ** 2
     config.quick_ticks = max(1, round(3.0 * MEAN_S / config.sensor_period))
-    config.scale[:], config.weight = 1.0 / np.sqrt(S), 1.0 - math.exp(-config.sensor_period / MEAN_S)
+    config.weight = 1.0 - math.exp(-config.sensor_period / MEAN_S)
     config.gate = SIGNIFICANT * SIGNIFICANT * config.weight / (2.0 - config.weight)
-    _, ahead = predict(tuning, both.updated, config.late_ticks)
-    config.velocity_variance, config.change_variance = ahead[1, 1], both.change_variance
-    # The sum diffuses with noise of the velocities: its chance to be at S is exp(-2 BIAS S / (noise^2 period)), that
-    # of a sample beyond DEVIATIONS about exp(-DEVIATIONS^2 / 2).
-    diffused = (DEVIATIONS * tuning.velocity) ** 2 * config.sensor_period / (4.0 * BIAS)
-    shown = DEVIATIONS * math.sqrt(2.0) * tuning.position
-    config.difference, config.unmoved = max(DIFFERENCE, diffused) + shown, shown + 2.0 * sensor.quantum_position
+    config.unmoved = DEVIATIONS * math.sqrt(2.0) * config.noise + 2.0 * sensor.quantum_position
     config.late = MEAN_S + sensor.filter_s
     late_s = sensor.latency_s + params.drive_lag_s + sensor.filter_s
     config.settling = SETTLES_AFTER * max(period, late_s)
     config.bound[:n], config.rate[:n] = model.limit * effort_limit, RATE * effort_limit
     config.collision[:n] = COLLISION * effort_limit
     config.friction[:n] = params.drive.of_joints("coulomb", n)
+    fill_filters(buffer, sensor.noise_velocity if sensor.estimates else UNMEASURED_VELOCITY)
     return buffer

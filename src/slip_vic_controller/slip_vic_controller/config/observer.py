@@ -8,6 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from slip_core.arrays import Array
+from slip_core.compiled import interpreted, part
 from slip_core.records import new, record
 from slip_vic_controller.contact.observer import CONTRADICTIONS, OBSERVER_CONFIG, ObserverConfig
 from slip_vic_controller.params.controller_params import ControllerParams
@@ -64,24 +65,18 @@ def observer_config(params: ControllerParams, tuning: Tuning = TUNING) -> Array:
         angular = math.hypot(torque, lever * force) / inertia
         return math.hypot(force / model.mass, lever * angular), angular
 
-    noise = accelerations(wrench.noise_force, wrench.noise_torque)
+    of_force, of_torque = accelerations(1.0, 0.0), accelerations(0.0, 1.0)
     bias = accelerations(wrench.bias_force, wrench.bias_torque)
     root_T = math.sqrt(T)
     # A centre of mass that is off by model_error of the lever turns a force into an angular acceleration.
     onset = tuning.model_error * lever * model.mass / inertia
 
-    least = tuning.least_slip
     deviations = {  # linear, angular
-        "measurement_variance": (
-            max(math.hypot(sensor.noise_linear, sensor.quantum_linear), least[0]),
-            max(sensor.noise_angular, least[1]),
-        ),
-        "process_variance": (
-            T * math.hypot(noise[0], tuning.process_noise[0]),
-            T * math.hypot(noise[1], tuning.process_noise[1]),
-        ),
+        "model_variance": (T * tuning.process_noise[0], T * tuning.process_noise[1]),
+        "of_force": (T * of_force[0], T * of_force[1]),
+        "of_torque": (T * of_torque[0], T * of_torque[1]),
         "drift_variance": (root_T * tuning.drift[0], root_T * tuning.drift[1]),
-        "floor_variance": least,
+        "floor_variance": tuning.least_slip,
         "stick_P_bb": tuning.stick_acceleration,
         "stick_P_vv": tuning.stick_speed,
         "prior_P_bb": (wrench.bias_force / model.mass, bias[1]),
@@ -104,7 +99,10 @@ def observer_config(params: ControllerParams, tuning: Tuning = TUNING) -> Array:
     config.nis_stick = float(chdtri(count, 1.0 - tuning.stick_share))
     needed = slip_count(params)  # so many samples shift the mean beyond what is significant, one less does not
     config.most_step = 1.0 / (needed - 0.5) if needed > 1 else math.inf
-    config.information[:] = config.axes / config.measurement_variance
+    config.quantum = sensor.quantum_linear
+    interpreted(fill_variances)(
+        config, sensor.noise_linear, sensor.noise_angular, wrench.noise_force, wrench.noise_torque
+    )
     config.mean_share = tuning.smoothing / (2.0 - tuning.smoothing)
     config.smoothing, config.outlier_deviations = tuning.smoothing, tuning.outlier
     config.friction_spread, config.friction_memory_ticks = tuning.drag_spread, tuning.drag_memory_s / T
@@ -113,6 +111,17 @@ def observer_config(params: ControllerParams, tuning: Tuning = TUNING) -> Array:
     config.memory_ns = round(tuning.memory_s * 1e9)
     buffer.setflags(write=False)
     return buffer
+
+
+@part
+def fill_variances(config: ObserverConfig, linear: float, angular: float, force: float, torque: float) -> None:
+    """Fill in what follows from noise of slip [m/s], [rad/s] and wrench [N], [N m], standard deviations."""
+    for j in range(6):
+        slip = linear * linear + config.quantum * config.quantum if j < 3 else angular * angular
+        of_wrench = force * force * config.of_force[j] + torque * torque * config.of_torque[j]
+        config.measurement_variance[j] = max(slip, config.floor_variance[j])
+        config.process_variance[j] = config.model_variance[j] + of_wrench
+        config.information[j] = config.axes[j] / config.measurement_variance[j]
 
 
 def capacity(params: ControllerParams, tuning: Tuning = TUNING) -> int:

@@ -61,6 +61,7 @@ class FrictionConfig(Record):
     probe: Real  # N, eps: load beyond the certified one
     pre_sliding: Real  # m, way that pads give before they slip
     threshold: Real  # m/s, slip speed |S v_s| that counts
+    least_threshold: Real  # m/s, of a sensor without noise
     quantum: Real  # m/s, step of the readings; inf of a flag
     slip_count: Whole  # samples in a row that must show it
     confirmed: Whole  # the same where the observer finds slip too

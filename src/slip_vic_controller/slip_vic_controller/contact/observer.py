@@ -40,6 +40,9 @@ class ObserverConfig(Record):
     measurement_variance: Vec6  # R of a slip sample
     information: Vec6  # 1 / R on the axes that are filtered, 0 on the others
     process_variance: Vec6  # Q of v per tick, from wrench noise and model
+    model_variance: Vec6  # what of it the model gives
+    of_force: Vec6  # and what each N^2 and (N m)^2 of wrench noise
+    of_torque: Vec6
     drift_variance: Vec6  # Q of b per tick
     prior_P_bb: Vec6  # noqa: N815 - what is known of the model's errors at the beginning
     prior_P_cc: Vec6  # noqa: N815
@@ -47,6 +50,7 @@ class ObserverConfig(Record):
     floor_variance: Vec6  # of a slip velocity that means nothing
     stick_P_bb: Vec6  # noqa: N815 - variances above which nothing is taken for stick
     stick_P_vv: Vec6  # noqa: N815
+    quantum: Real  # m/s; step of the linear readings
     dead_band: Vec6  # speed below which the sensor reads zero
     nis_slip: Real  # normalised innovation squared above which slip begins
     nis_stick: Real  # and below which it is over

@@ -15,9 +15,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from slip_core.arrays import Array, inertia_from_six, vector
-from slip_core.compiled import part
+from slip_core.compiled import interpreted, part
 from slip_core.records import Mat3, Real, Record, Vec3, Vec6, Whole, dtype_of, new, record
-from slip_core.vectors import interpreted
 from slip_vic_controller.law.bounds import Condition, GainReport, check, judge_gains, judge_stiffness, slip_gain_limit
 from slip_vic_controller.params.controller_params import ControllerParams
 

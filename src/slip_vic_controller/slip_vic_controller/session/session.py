@@ -14,15 +14,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from slip_core.arrays import Array, matrix_from_quat_xyzw, product, readonly
+from slip_core.compiled import interpreted
 from slip_core.errors import InputError
 from slip_core.params import flatten
-from slip_core.records import place, record, records
+from slip_core.records import place, record
 from slip_core.stamps import NS_PER_S, seconds_to_ns
 from slip_core.types import CartesianReference, DisplacementSample, JointSample, PoseGoal, SlipSample, WrenchSample
-from slip_core.vectors import interpreted
 from slip_vic_controller.arm.estimator import JointRecord
-from slip_vic_controller.config.controller import Controller, governed_stream, renew_config, use_noise
-from slip_vic_controller.config.joints import with_measured_noise
+from slip_vic_controller.config.controller import Controller, governed_stream, renew_config
+from slip_vic_controller.config.noise import use_tare
 from slip_vic_controller.contact.observer import ROW_SIZE
 from slip_vic_controller.cycle.cycle import cycle
 from slip_vic_controller.interfaces import SlipFromDisplacement
@@ -52,7 +52,6 @@ from slip_vic_controller.state import (
     TASK_SIZE,
     TASK_STATE,
     ArmState,
-    ControllerConfig,
     CycleInputs,
     TaskState,
 )
@@ -256,17 +255,14 @@ class ArmSession:
             self.state.tare.mass_share = 0.0  # the user's mass replaces that of the tare
         ramp_to(self.row, target, seconds_to_ns(least_s))
         self._tuned = params
-        self._session.configure(self.index, lambda config: renew_config(config, params))
+        self._session.configure(self.index, lambda config: renew_config(record(config, CONFIG), params))
 
     def use_tare(self) -> None:
         """Use the configured noise until a tare has measured it."""
         measured = int(self._whole[_ROUGHLY]) + 2 * int(self._whole[_TARED])
         if measured != self._tared:
             self._tared = measured
-            params = with_measured_noise(self.tuned, self.state.tare) if measured else self.tuned
-            limit = self.controller.robot.effort_limit
-            self._session.configure(self.index, lambda config: use_noise(config, params, limit))
-            self._estimates = bool(record(self.config, CONFIG).estimator.on)
+            self._session.configure(self.index, lambda config: use_tare(config, self.row))
 
     # -- cycles ------------------------------------------------------------------------------------
 
@@ -459,10 +455,10 @@ class ControllerSession:
         """Return the CONFIG of an arm."""
         return self.config[index * CONFIG_SIZE :][:CONFIG_SIZE]
 
-    def configure(self, index: int, change: Callable[[ControllerConfig], None]) -> None:
+    def configure(self, index: int, change: Callable[[Array], None]) -> None:
         """Change the CONFIG of an arm; sessions that share the controller keep theirs."""
         config = self.config.copy()
-        change(records(config, CONFIG)[index])
+        change(config[index * CONFIG_SIZE :][:CONFIG_SIZE])
         if config.tobytes() != self.config.tobytes():
             config.setflags(write=False)
             self.config = config
