@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from slip_core.arrays import Array
-from slip_core.compiled import BOOL, IN1, INT, OUT1, VOID, kernel
+from slip_core.compiled import BOOL, IN1, INT, OUT1, VOID, interpreted, kernel
 from slip_core.records import record
 from slip_vic_controller.arm.estimator import replace_sample, use_estimate
 from slip_vic_controller.law.gains import LAW_GAINS, fill_ramp, gains_at
-from slip_vic_controller.safety.conditions import Reason
+from slip_vic_controller.safety.conditions import SAMPLE_FAULTS, Reason
 from slip_vic_controller.safety.validation import (
     await_answer,
     queue_slip,
@@ -19,6 +19,9 @@ from slip_vic_controller.safety.validation import (
     usable,
 )
 from slip_vic_controller.state import ARM_STATE, CONFIG, INPUTS
+
+UNANSWERED = tuple(interpreted(unanswered)(fault) for fault in range(SAMPLE_FAULTS))
+"""By fault; looked up in every cycle."""
 
 
 @kernel(INT, IN1, OUT1, INT, IN1, IN1, IN1, BOOL, INT, BOOL)

@@ -14,7 +14,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from slip_core.arrays import Array, matrix_from_quat_xyzw, product, readonly
-from slip_core.compiled import interpreted
 from slip_core.errors import InputError
 from slip_core.params import flatten
 from slip_core.records import place, record
@@ -29,8 +28,9 @@ from slip_vic_controller.interfaces import SlipFromDisplacement
 from slip_vic_controller.law.gains import gain_report
 from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.safety.conditions import SAMPLE_FAULTS, Missing, Mode, Reason, Request
-from slip_vic_controller.safety.validation import JointInput, VectorInput, unanswered
+from slip_vic_controller.safety.validation import JointInput, VectorInput
 from slip_vic_controller.session.arrival import (
+    UNANSWERED,
     begin_answer,
     is_silent,
     ramp_to,
@@ -91,7 +91,6 @@ class Manifest(NamedTuple):
 
 # Looked up in every cycle, by number: to make an enum's member of one, or to hash it, takes longer.
 _MODES = tuple(Mode)
-_UNANSWERED = tuple(interpreted(unanswered)(fault) for fault in range(SAMPLE_FAULTS))
 _ARM = place(INPUTS, "arm")
 _COMMANDED = [place(ARM_STATE, name) for name in ("mode", "sent.effort", "sent.velocity")]
 _ANSWERS = [place(ARM_STATE, f"joint.answers.{name}").start for name in ("position", "velocity")]
@@ -200,7 +199,7 @@ class ArmSession:
         stamp_ns = sample.stamp_ns
         now_ns = stamp_ns if now_ns is None else now_ns
         fault = receive_joint_state(self.config, self.row, stamp_ns, q, qd, effort, refused, now_ns, self._lockstep)
-        if self._lockstep or not _UNANSWERED[fault]:
+        if self._lockstep or not UNANSWERED[fault]:
             if self._whole.item(_WITHOUT):  # who reads the result finds numbers
                 sample = self.validated(sample)
             self.waiting = sample, fault, 0, None
@@ -248,7 +247,7 @@ class ArmSession:
 
     def ramp_to(self, params: ControllerParams, target: Array) -> None:
         """Ramp gains and payload to those of `params`; target: its LAW_GAINS."""
-        moved = np.subtract(params.contacts.position[:3], self.tuned.contacts.position[:3])
+        moved = np.subtract(params.contacts.position, self.tuned.contacts.position)
         # Shifting the contact seems to move the object, and the law follows it.
         least_s = max(params.gains.ramp_s, float(np.linalg.norm(moved)) / params.safety.limits.speed_linear)
         if params.object != self.tuned.object:
