@@ -107,9 +107,7 @@ def parse_qos(text: str) -> tuple[QosProfile, ...]:
     Bags of Humble and before have numbers instead of names: they play with the default QoS.
     """
     try:
-        return tuple(
-            QosProfile(item["reliability"].lower(), item["durability"].lower()) for item in read_yaml(text) or ()
-        )
+        return tuple(QosProfile(item["reliability"].lower(), item["durability"].lower()) for item in read_yaml(text))
     except (yaml.YAMLError, TypeError, KeyError, ValueError, AttributeError):
         return ()
 
@@ -117,8 +115,7 @@ def parse_qos(text: str) -> tuple[QosProfile, ...]:
 def parse_custom_data(text: str) -> dict[str, str]:
     """Read the custom data of a ``serialized_metadata`` record; empty where it is of another form."""
     try:
-        found = read_yaml(text)["custom_data"] or {}
-        return {str(key): str(value) for key, value in found.items()}
+        return {str(key): str(value) for key, value in read_yaml(text)["custom_data"].items()}
     except (yaml.YAMLError, TypeError, KeyError, ValueError, AttributeError):
         return {}
 
@@ -139,4 +136,4 @@ def _qos_tree(qos: QosProfile) -> dict[str, Any]:
 
 def yaml_text(tree: Any) -> str:
     """Return a YAML text without wrapped lines, as rosbag2 writes it."""
-    return yaml.dump(tree, Dumper=_DUMPER, sort_keys=False, width=_NO_WRAP, allow_unicode=True)
+    return yaml.dump(tree, Dumper=_DUMPER, sort_keys=False, width=_NO_WRAP)

@@ -60,7 +60,7 @@ def chunk_records(chunk: Chunk) -> Iterator[McapRecord]:
             and the compression libraries.
     """
     size = chunk.uncompressed_size
-    if (room := MAX_BYTES - 2 * size) < 0:  # its content, and that of each record
+    if size > MAX_BYTES // 2:  # its content, and that of each record
         raise ValueError(f"chunk of {size} bytes, more than memory may hold")
     if chunk.compression == "zstd":
         with zstandard.ZstdDecompressor().stream_reader(chunk.data) as reader:
@@ -73,7 +73,7 @@ def chunk_records(chunk: Chunk) -> Iterator[McapRecord]:
         raise ValueError(f"unknown compression {chunk.compression!r}")
     if len(content) != size:
         raise ValueError(f"chunk declares {size} bytes and holds {'more' if len(content) > size else len(content)}")
-    at = 0
+    at, room = 0, MAX_BYTES - 2 * size
     while at < size:
         at += 9 + int.from_bytes(content[at + 1 : at + 9], "little")
         room -= RECORD_BYTES
@@ -220,7 +220,7 @@ class Bag:
                     raise ValueError(f"{len(message.value)} bytes, more than {MAX_DECODED}")
                 value = decode(message.value)
             except Exception as error:  # the decoder is generated from the file's own schema: anything may happen
-                got = str(error) or type(error).__name__
+                got = f"{type(error).__name__}: {error}"
                 raise InputError(f"message on {info.name}", got=got, expected=f"a {info.type_name}") from None
             yield message._replace(value=value)
 

@@ -141,7 +141,7 @@ def _size(value: Any) -> int:
         return 112 + value.nbytes
     if isinstance(value, SimpleNamespace):
         value = [getattr(value, name) for name in value.__slots__]
-    return 112 + sum(map(_size, value)) if isinstance(value, list) else sys.getsizeof(value) + 8
+    return 112 + sum(map(_size, value)) if isinstance(value, list) else sys.getsizeof(value)
 
 
 def _frozen(array: NDArray[Any]) -> NDArray[Any]:

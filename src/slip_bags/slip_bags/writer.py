@@ -133,6 +133,5 @@ class BagWriter:
         except OSError as error:
             with contextlib.suppress(OSError):
                 self._file.close()
-            reason = error.strerror or error
             fix = f"`slip-vic bag recover {quote(str(self.folder))}` saves the messages before"
-            raise StorageError(f"bag {self.folder}: {reason}; {fix}") from None
+            raise StorageError(f"bag {self.folder}: {error.strerror or error}; {fix}") from None

@@ -6,6 +6,7 @@ once take 4. What is received is read with the typed code, 27 us a joint state.
 
 from __future__ import annotations
 
+import itertools
 import struct
 from collections.abc import Callable, Sequence
 from typing import Any, Final, NamedTuple, TypeVar
@@ -28,7 +29,8 @@ _STAMP: Final = struct.Struct("<iI")
 _PROBE_NS: Final = 12_345_678_901_234_567
 _HEADER: Final = 4
 """Bytes before the first field of a message in CDR."""
-_SIZES: Final = {"double": 8, "int64": 8, "uint64": 8, "float": 4, "int32": 4, "uint32": 4, "int16": 2, "uint16": 2}
+_SIZES: Final = {"double": 8, "int64": 8, "int32": 4, "uint32": 4}
+"""Bytes of each type of number in a form."""
 _PROBE: Final = 1 << 40  # numbers and stamp that stand nowhere else in a message
 
 
@@ -57,9 +59,10 @@ class Sender:
 
     def _lay_out(self, sizes: tuple[int, ...]) -> _Layout:
         """Let rclpy write numbers that occur nowhere else in the message, and find them."""
-        probes = [_PROBE * (k + 1) + np.arange(size, dtype=self._dtype) for k, size in enumerate(sizes)]
+        numbers = itertools.count(_PROBE)
+        probes = [np.array([next(numbers) for _ in range(size)], self._dtype) for size in sizes]
         data = serialized(self._form.message(_PROBE_NS, *probes))
-        stamp_at = data.index(_STAMP.pack(*split_ns(_PROBE_NS))) if self._form.stamp else 0
+        stamp_at = data.find(_STAMP.pack(*split_ns(_PROBE_NS)))  # -1 where the form has none
         return _Layout(data, stamp_at, [data.index(probe.tobytes()) for probe in probes])
 
     def encode(self, stamp_ns: int, *numbers: Sequence[float] | NDArray[Any]) -> bytes:
@@ -100,7 +103,7 @@ def serialized(message: Any) -> bytes:
             return at
         if isinstance(kind, AbstractString):
             return align(at, 4) + 4 + len(value.encode()) + 1
-        size = _SIZES.get(kind.typename, 1)
+        size = _SIZES[kind.typename]
         return align(at, size) + size
 
     return bytes(data[: _HEADER + end(0, message, NamespacedType([], ""))])

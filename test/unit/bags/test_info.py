@@ -30,7 +30,9 @@ def test_attachments_custom_data_and_rates(tmp_path):
 @pytest.mark.parametrize("topics", [WRENCH, {}])
 def test_bags_without_messages(tmp_path, topics):
     make_bag(tmp_path / "bag", count=0, topics=topics)
-    assert lines(tmp_path / "bag")[1].startswith("0 messages in 0.000 s")
+    found = lines(tmp_path / "bag")
+    assert found[1].startswith("0 messages in 0.000 s")
+    assert all(": 0 messages" in line for line in found[2:])
 
 
 def test_control_characters_are_escaped(tmp_path):

@@ -170,6 +170,7 @@ def test_times_beyond_int64_are_refused(tmp_path):
     assert bag.span_ns == (START_NS, 2**63 - 1)
     with pytest.raises(InputError, match="beyond the year 2262"):
         Bag(tmp_path / str(2**63))
+    assert recover(tmp_path / str(2**63), tmp_path / "out") == "1 messages on 1 topics, not readable: a message"
 
 
 def test_two_channels_of_one_topic_are_one_topic(tmp_path):
@@ -206,6 +207,7 @@ def test_unknown_topic_offers_the_nearest(tmp_path):
     make_bag(tmp_path / "bag", count=1, topics=TWO | {"/joint_states": "std_msgs/msg/String"})
     with pytest.raises(InputError, match="did you mean /joint_states"):
         Bag(tmp_path / "bag").series("joint_state")
+    assert Bag(tmp_path / "bag").series("a")["data"].shape == (1,)
 
 
 @pytest.mark.parametrize(
@@ -273,3 +275,6 @@ def test_two_readers_of_one_bag_do_not_disturb_each_other(tmp_path):
     pairs = list(zip(bag.raw(["/a"]), bag.raw(["/a"]), strict=True))
     assert len(pairs) == 30
     assert all(one == other for one, other in pairs)
+    again = Bag(tmp_path / "bag")
+    assert len(list(again.raw())) == 60
+    assert ("_all" in vars(bag), "_all" in vars(again)) == (True, False), "one topic alone is kept"

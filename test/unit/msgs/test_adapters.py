@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from examples.tactile_adapters.adapter import PAPILLARRAY, XELA, flags, message_type
+from examples.tactile_adapters.adapter import PAPILLARRAY, XELA, message_type
 from examples.tactile_adapters.conversions import (
     papillarray_flags,
     papillarray_wrench,
@@ -18,8 +18,6 @@ from examples.tactile_adapters.conversions import (
 )
 from examples.tactile_adapters.field_twist import planar_twist
 from slip_core.errors import InputError
-from slip_msgs_py.messages.from_msgs import slip_flags
-from slip_msgs_py.messages.to_msgs import header
 
 
 def papillarray(states, *, active: bool = True, loaded: bool = True, contact: bool = True) -> SimpleNamespace:
@@ -35,16 +33,6 @@ def test_a_pillar_slips_holds_or_is_not_known() -> None:
     assert math.isnan(known["pillar_2"])
     for off in ({"active": False}, {"loaded": False}, {"contact": False}):
         assert all(math.isnan(flag) for flag in papillarray_flags(papillarray([1, 3], **off)).values()), off
-
-
-def test_what_the_controller_makes_of_it() -> None:
-    for states, options, up, valid in (
-        ([1, 1], {}, 0.0, True), ([1, 3], {}, 1.0, True), ([0, 1], {}, 0.0, True),
-        ([3, 3], {"active": False}, 0.0, False),
-    ):  # fmt: skip
-        message = flags(header(7, "ee"), papillarray_flags(papillarray(states, **options)))
-        sample = slip_flags(message)
-        assert (sample.valid, sample.twist[0]) == (valid, up), states
 
 
 def test_torques_are_newton_metres() -> None:
