@@ -103,15 +103,36 @@ def test_a_mesh_that_is_not_there_is_named() -> None:
     assert (links[0]["shapes"], missing) == ([], ["/no/such.stl"])
 
 
-def test_load_ratio_is_one_where_friction_gives_way() -> None:
+def test_numbers_of_a_run() -> None:
+    """Two of three ticks have a law, an effort and a squeeze."""
+    nan, still, times = math.nan, np.zeros((3, 6)), np.arange(3.0)
+    e = np.array([[0.03, 0.04, 0, 0.3, 0, 0.4], [nan] * 6, [0.0] * 6])
+    slip = np.array([[0.0] * 6, [0.003, 0.004, 0, 0, 0.2, 0], [0, 0.001, 0, 0, 0, 0.1]])
+    loads = np.array([[0.15, 0.2, 9, 9, 9, 0], [0, 0, 0, 0, 0, 0.00375], [0.0] * 6])
+    law = np.column_stack((e, still, still, [2.0, nan, 4.0]))
+    rows = {"slip": slip, "slip_velocity": 2.0 * slip, "wrench": loads, "law": law}
+    rows["effort"] = np.array([[3.0, 0.0], [nan, nan], [0.0, -4.0]])
+    symbols = (*(f"{kind}_{axis}" for kind in ("e", "position", "desired") for axis in AXES), "grip_command")
     parameters = {
-        "governor.friction_limit": 0.25,
-        "governor.torsional_radius": 0.03,
-        "contacts.slip_axes": [True, True, False, False, False, True],
-    }
-    loads = np.array([[0.15, 0.2, 9.0, 9.0, 9.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0, 0.0075]])
-    arm = ArmData("", "", (), parameters, {"wrench": Channel(np.arange(2.0), loads)})
-    np.testing.assert_allclose(load_ratio(arm), [1.0, 1.0])
+        "governor.friction_limit": 0.25, "governor.torsional_radius": 0.03, "grip.nominal_force": 7.0,
+        "contacts.slip_axes": [True, True, False, False, False, True, *[True] * 6],  # of two contacts
+    }  # fmt: skip
+    channels = {name: Channel(times, of) for name, of in rows.items()}
+    arm = ArmData("", "", (), parameters, channels, symbols)
+    np.testing.assert_allclose(load_ratio(arm), [1.0, 0.5, 0.0])
+    after = {
+        "slip_linear_m": 0.001, "slip_angular_rad": 0.1, "slip_linear_peak_m": 0.005, "slip_speed_peak_m_s": 0.01,
+        "load_peak": 1.0,
+    }  # fmt: skip
+    of_law = {
+        "tracking_rms_m": 0.05 / math.sqrt(2.0), "tracking_rms_rad": 0.5 / math.sqrt(2.0), "off_path_m": 0.05,
+        "attitude_excursion_rad": 0.5, "final_error_m": 0.0, "final_error_rad": 0.0, "arrival_s": 0.0,
+    }  # fmt: skip
+    known = {"squeeze_mean_n": 3.0, "squeeze_peak_n": 4.0, "effort_peak_nm": 4.0, "effort_rate_rms_n_m_s": 5.0}
+    assert summarise(arm) == pytest.approx(after | of_law | known)
+    held = replace(arm, channels=channels | {name: Channel(times, nan * rows[name]) for name in ("law", "effort")})
+    unknown = {"squeeze_mean_n": 7.0, "squeeze_peak_n": 7.0, "effort_peak_nm": 0.0, "effort_rate_rms_n_m_s": 0.0}
+    assert summarise(held) == pytest.approx(after | dict.fromkeys(of_law, nan) | unknown, nan_ok=True)
     assert np.isnan(load_ratio(replace(arm, parameters={}))).all()
 
 
@@ -120,6 +141,7 @@ LEVER = {"contacts.position": [0.0, 0.0, 0.1], "contacts.orientation_xyzw": [0.0
 GOALS = {
     "the end of the path": ({"kind": "quintic", "displacement": [0.3, 0.0, 0.0]}, 0.3, (0.0, 0.0, 2.0)),
     "not where the reference rests": ({"kind": "quintic", "displacement": [0.4, 0.0, 0.0]}, 0.3, (0.1, 0.0, math.nan)),
+    "which it passes": ({"kind": "quintic", "displacement": [0.15, 0.0, 0.0]}, 0.3, (0.15, 0.0, math.nan)),
     "with the attitude": ({"kind": "quintic", "rotation": [0.0, 0.0, 0.2]}, 0.0, (0.0, 0.2, math.nan)),
     # the pad, 0.1 m above the centre that stays where it is, goes 0.1 m along x and 0.1 m down
     "of the object": ({"kind": "quintic", "of": "object", "rotation": [0, QUARTER, 0]}, 0, (ROOT2, QUARTER, math.nan)),

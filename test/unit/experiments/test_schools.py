@@ -1,11 +1,13 @@
 """The laws of other schools against closed forms, an independent solver, and the wrench of the simulation."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy.optimize import minimize
+from scipy.spatial import ConvexHull
 
 import slip_vic
 from slip_vic.experiments import proactive_slip_control as proactive
@@ -88,6 +90,9 @@ def test_slip_aware_hold_rises_at_once_and_decays_by_095_at_500_hz(setup: Setup)
     assert law.squeeze(0, seen()) == 4.0
     assert law.squeeze(0, seen(load=3.0)) == pytest.approx(2.0 * 3.0 / 0.5)
     assert law.squeeze(0, seen(slip=0.01)) == pytest.approx(5.0)
+    turned = seen()
+    turned.wrench[5] = -3.0 * setup.torsional_radius
+    assert law.squeeze(0, turned) == pytest.approx(2.0 * 3.0 / 0.5)
     grip = 10.0
     for _ in range(4):
         grip = law.squeeze(0, seen(grip=grip))
@@ -146,10 +151,39 @@ def test_proactive_slip_control_finds_the_least_change_without_slip(setup: Setup
     assert np.sum(found**2) == pytest.approx(least, rel=0.02)
 
 
+def test_proactive_slip_control_plans_the_load_that_friction_admits(setup: Setup) -> None:
+    """Where the path would need more, from the end of the first sample on; else it goes back to the path."""
+    law = begun(proactive.ProactiveSlipControl, replace(setup, friction_limit=0.4))
+    ahead = setup.reference(1.0 / 60.0)
+    back = ahead.twist[:3] + 3.0 * (ahead.position - setup.reference(0.0).position)
+    np.testing.assert_allclose(law.planned(0.0), back, atol=1e-15)
+    for k in range(25):
+        wanted = law.wanted(SimpleNamespace(time=k / 60.0 + 1e-9))
+        at = setup.reference((k + 1) / 60.0)
+        both = np.concatenate((wanted.acceleration[:3], at.acceleration[3:]))
+        load = np.linalg.norm(planned_load(setup, at._replace(acceleration=both)))
+        assert load < 0.361
+    assert load > 0.359
+
+
+@pytest.mark.parametrize("name", ["proactive_slip_control", "toppra_offline"])
+def test_a_changed_motion_is_one_motion_to_the_goal(setup: Setup, name: str) -> None:
+    if name == "toppra_offline":
+        pytest.importorskip("toppra", reason="the extra `benchmark`")
+    law, dt = begun(find_law(name).kind, replace(setup, friction_limit=0.3)), setup.period_s
+    rows = [law.wanted(SimpleNamespace(time=dt * k)) for k in range(4000)]
+    x, v, a = (np.array([getattr(row, part) for row in rows]) for part in ("position", "twist", "acceleration"))
+    np.testing.assert_allclose(np.diff(x, axis=0), (dt * v + 0.5 * dt**2 * a)[:-1, :3], atol=1e-6)
+    np.testing.assert_allclose(np.diff(v, axis=0), dt * a[:-1], atol=3e-3)
+    np.testing.assert_allclose(x[-1], setup.reference(setup.duration_s).position, atol=1e-3)
+    assert np.abs(v[-1]).max() < 1e-3
+
+
 def test_toppra_is_the_given_timing_where_friction_has_enough_and_else_keeps_the_limit(setup: Setup) -> None:
     pytest.importorskip("toppra", reason="the extra `benchmark`")
     path = np.linspace(0.0, setup.duration_s, 100)
     np.testing.assert_allclose(toppra_offline.timing(setup, path, 10.0), 1.0, atol=1e-3)
+    assert ConvexHull(toppra_offline.sphere(200)).equations[:, 3].max() < -0.97, "of a sphere nearly"
     limit = 0.15
     rates = toppra_offline.timing(setup, path, limit)
     assert rates is not None

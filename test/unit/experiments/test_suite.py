@@ -193,9 +193,3 @@ def test_the_steps_of_the_page_work_in_a_folder_of_its_own(
         assert ended.exit_code == 0, f"{command}: {ended.output}"
     assert "2 worlds ran again, all are equal" in ended.output
     assert Path("out/benchmark/rows.png").is_file()
-
-
-def test_a_folder_that_is_not_there_is_one_line() -> None:
-    with pytest.raises(InputError, match="No such file or directory") as found:
-        CliRunner().invoke(cli, ["benchmark", "compare", "nowhere"], catch_exceptions=False)
-    assert "\n" not in str(found.value)

@@ -9,10 +9,12 @@ from std_msgs.msg import Int64MultiArray
 
 from slip_core.arrays import Array, matrix_from_quat_xyzw
 from slip_core.errors import InputError
-from slip_core.types import CartesianReference
+from slip_core.types import CartesianReference, DisplacementSample, JointSample, SlipSample, WrenchSample
 from slip_vic.scenarios.scenario import load
 from slip_vic_controller.config.controller import Controller
 from slip_vic_controller.session.session import ControllerSession, Manifest
+from slip_vic_controller.sizes import ROOM
+from test.support.made_up import MS, POSITION, controller_of
 
 AXIS, SPEED, FASTER, STEP_S = np.array((0.6, 0.0, 0.8)), 0.7, -1.3, 1e-3
 VELOCITY, ACCELERATION = np.array((0.2, -0.1, 0.3)), np.array((-0.5, 0.4, 0.1))
@@ -24,9 +26,50 @@ def object_at(t: float) -> tuple[Array, Array]:
     return np.array((0.5, 0.1, 0.4)) + VELOCITY * t + 0.5 * ACCELERATION * t * t, turn.as_matrix()
 
 
-def test_a_pad_moves_with_the_object_that_it_holds() -> None:
+def two_arms() -> ControllerSession:
     scenario = load("pane_two_arms_upright", law="vic")
-    session = ControllerSession(Controller(scenario.controllers, scenario.placed, lockstep=True))
+    return ControllerSession(Controller(scenario.controllers, scenario.placed, lockstep=True))
+
+
+def test_samples_of_a_pad_reach_both_arms() -> None:
+    session, nan = two_arms(), np.full(6, np.nan)
+    left, right = session.arms
+    right.add_wrench(0, WrenchSample(5, nan))
+    left.add_slip(0, SlipSample(5, nan, valid=False))
+    for stamp_ns in (6, 8):
+        left.add_displacement(0, DisplacementSample(stamp_ns, np.eye(7)[6]))
+    left.set_publishers({"wrench": 2, "slip_velocity": 1}, 1)
+    right.set_publishers({"wrench": 1}, 2)
+    assert (session.wrench_counts, session.slip_counts) == ([0, 1], [3, 0])
+    assert [arm.state.slip_inputs[k].stamp_ns for k, arm in enumerate((left, right))] == [7, 7]
+    assert left.counts() == {"wrench of contact 1 not_finite": 1, "slip invalid": 1, "wrench second_publisher": 1}
+    theirs = {"wrench not_finite": 1, "slip of contact 1 invalid": 1, "effort command foreign_command": 1}
+    assert right.counts() == theirs
+
+
+def test_efforts_that_are_none_for_each_joint_are_unknown() -> None:
+    (arm,) = ControllerSession(controller_of()).arms
+    for stamp_ns, effort, known in ((5, np.ones(7), True), (6, np.ones(6), False), (7, np.zeros(0), False)):
+        arm.add_joint(JointSample(stamp_ns, POSITION, np.zeros(7), effort))
+        assert np.isfinite(arm.state.joint.answers.effort[:7]).all() == known
+
+
+def test_a_replay_gives_the_samples_of_a_cycle() -> None:
+    (arm,) = ControllerSession(controller_of(slip_delay_s=0.01)).arms
+    ones, delay_ns = np.ones(6), 10 * MS
+    slips = [SlipSample(k, k * ones) for k in range(ROOM + 2)]
+    arm.give(JointSample(9, np.ones(7), np.ones(7), np.zeros(0)), [WrenchSample(3, 3.0 * ones)], slips[4:5], slips)
+    state = arm.state
+    queued = [(of.stamp_ns + delay_ns, of.twist[5]) for of in state.queue.samples]
+    assert (int(state.queue.count), queued) == (ROOM, [(k, k) for k in range(2, ROOM + 2)])
+    for of, k in ((state.wrench_inputs[0], 3), (state.slip_inputs[0], 4)):
+        assert (of.seen, of.stamp_ns, of.values.tolist()) == (1, k, [k] * 6)
+    assert state.joint.answers.stamp_ns == 9
+    assert np.isnan(state.joint.answers.effort[:7]).all()
+
+
+def test_a_pad_moves_with_the_object_that_it_holds() -> None:
+    session = two_arms()
     (position, rotation), contacts = object_at(0.0), session.controller.first.params.contacts
     motion = np.concatenate((VELOCITY, SPEED * AXIS)), np.concatenate((ACCELERATION, FASTER * AXIS))
     session.set_reference(CartesianReference(position, rotation, *motion))

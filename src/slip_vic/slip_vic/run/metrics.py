@@ -76,7 +76,7 @@ def load_ratio(run: ArmData) -> Array:
     wrench = run.channels["wrench"].rows if "wrench" in run.channels else np.full((1, 6), np.nan)
     if not limit or not radius:
         return np.full(len(wrench), np.nan)
-    slips = np.array(given.get("contacts.slip_axes", [True] * 6)[:6], dtype=float)
+    slips = np.array(given["contacts.slip_axes"][:6], dtype=float)
     return np.array(np.linalg.norm(wrench * slips / (1.0, 1.0, 1.0, radius, radius, radius), axis=1) / limit)
 
 

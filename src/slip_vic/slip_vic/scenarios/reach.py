@@ -120,7 +120,7 @@ def follow(robot: Robot, start: Array, times: Array, path: Array, payload: Array
     steps = np.diff(way, axis=0) / np.diff(times[: max(len(way), 1)])[:, None]
     return Way(
         way,
-        1.0 if not blocked else len(way) / len(path),
+        len(way) / len(path),
         blocked,
         np.minimum(way - robot.position_lower, robot.position_upper - way).min(axis=0, initial=math.inf),
         sigma,
