@@ -30,6 +30,19 @@ def blank(kind: type[Record]) -> Any:
     return record(new(dtype_of(kind)), dtype_of(kind))
 
 
+def left(part: Callable[..., Any], *arguments: Any) -> dict[str, Any]:
+    """Return the fields that are not zero of a record that was full of ones, once a part has begun it.
+
+    In the place of the record stands its class.
+    """
+    (kind,) = (one for one in arguments if isinstance(one, type))
+    buffer = np.ones(new(dtype_of(kind)).size)
+    state = record(buffer, dtype_of(kind))
+    call(part, *(state if one is kind else one for one in arguments))
+    fields = buffer.view(dtype_of(kind))[0]
+    return {name: fields[name] for name in fields.dtype.names if any(fields[name].tobytes())}
+
+
 def flat(result: Any) -> Array:
     """Return a Vec (3,), Mat (3, 3) or Spatial (6,) as an array."""
     return np.array(result, dtype=float).reshape((6,) if isinstance(result, Spatial) else np.shape(result))

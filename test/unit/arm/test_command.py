@@ -12,6 +12,7 @@ from slip_vic_controller.arm.command import (
     SentCommand,
     advance_motion,
     joint_acceleration,
+    return_to,
     start_motion,
     stop_motion,
 )
@@ -113,3 +114,10 @@ def test_acceleration_solves_equation_of_motion() -> None:
     assert joint_acceleration(N, M, bias, J, h, tau, found)
     np.testing.assert_allclose(found[:N], qdd, rtol=1e-10, atol=1e-12)
     assert not joint_acceleration(N, -M, bias, J, h, tau, found)
+
+
+def test_a_commanded_position_comes_back_at_half_the_speed_limit() -> None:
+    config = limits()
+    state = begun(config, np.zeros(N), np.zeros(N))
+    return_to(config, state, full(np.array([0.5, -0.5, 0.01])), 0.1)
+    np.testing.assert_allclose(state.position[:N], [0.1, -0.05, 0.01], rtol=1e-12)

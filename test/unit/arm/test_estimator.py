@@ -22,6 +22,7 @@ from slip_vic_controller.arm.estimator import (
     estimate_joints,
     oppose_disturbance,
     remember_input,
+    start_estimate,
     transition,
 )
 from slip_vic_controller.config.joints import MODEL_NOISE, estimator_config, steady_state
@@ -30,8 +31,9 @@ from slip_vic_controller.cycle.sensing import pad_variances
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.safety.conditions import NOTHING, Reason, read_why
+from slip_vic_controller.sizes import MAX_JOINTS
 from test.referees import joint_filter
-from test.support.call import blank, call
+from test.support.call import blank, call, left
 
 MS, T, N = 1_000_000, 1e-3, 3
 LIMIT = np.array([87.0, 50.0, 12.0])
@@ -294,3 +296,17 @@ def test_off_without_noise() -> None:
     assert configuration(joint_sensor__noise_velocity=0.0).on == 0
     with pytest.raises(InputError, match=r"joint_sensor\.latency_s"):
         configuration(joint_sensor__latency_s=(MAX_LATENCY + 1) * T)
+
+
+def test_nothing_of_before_remains_but_the_disturbance() -> None:
+    config, q = configuration(), np.linspace(0.1, 0.2, MAX_JOINTS)
+    config.joints = MAX_JOINTS
+    found = left(start_estimate, config, JointEstimate, 7, q, 2.0 * q)
+    of_q, of_v = ("q", "position", "measured_position"), ("v", "velocity", "measured_velocity")
+    begun = dict.fromkeys(of_q, q) | dict.fromkeys(of_v, 2.0 * q) | {"began": [2.0 * q] * 2, "started": 1}
+    for name, value in (begun | {"stamp_ns": 7, "renewed_ns": 7}).items():
+        np.testing.assert_array_equal(found.pop(name), value)
+    assert set(found) == {
+        "d", "reversals", "trust", "alone", "effort", "slow_effort", "slow_wrench", "wrench_jump", "taken_off",
+        "jumped_s", "beyond_s", "found",
+    }  # fmt: skip

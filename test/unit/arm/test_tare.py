@@ -24,7 +24,7 @@ from slip_vic_controller.arm.tare import (
 from slip_vic_controller.safety.conditions import Reason
 from slip_vic_controller.session.words import describe
 from slip_vic_controller.sizes import NEVER
-from test.support.call import blank
+from test.support.call import blank, left
 
 N, SAMPLES = 7, 300
 
@@ -196,3 +196,10 @@ def test_velocity_noise_found_before_rest(speed: float) -> None:
     assert state.rough
     spread = [deviation(state.change, j) for j in range(N)]
     np.testing.assert_allclose(spread, np.sqrt(2.0) * 5e-3, rtol=0.3)
+
+
+def test_nothing_of_before_remains() -> None:
+    found = left(start_tare, Tare, 7)
+    kept = {"watched", "watched_from", "position", "rough", "change", "last_velocity"}
+    assert set(found) - kept == {"begun_ns", "wrench_ns"}
+    assert found["begun_ns"] == found["wrench_ns"] == 7

@@ -23,7 +23,8 @@ from slip_vic_controller.contact.friction_estimate import (
     suspect,
     take_weaker,
 )
-from test.support.call import blank
+from slip_vic_controller.sizes import NEVER
+from test.support.call import blank, left
 
 CONFIGURED, THRESHOLD, DELAY_NS = 1.0, 0.02, 100_000_000
 MS = 1_000_000
@@ -258,3 +259,11 @@ def test_path_has_the_weakest_friction() -> None:
     pad.F_lo, pad.F_median, pad.slipped_at, pad.carried, pad.first, pad.slipping = 0.66, 0.7, 0.74, 0.6, 1.0, 1
     take_weaker(both, pad)
     assert (both.F_lo, both.F_median, both.slipped_at, both.carried, both.slipping) == (0.66, 0.7, 0.74, 0.5, 1)
+
+
+def test_nothing_of_before_remains() -> None:
+    config = estimate().config
+    found = left(start_friction, config, blank(ContactEstimate), FrictionEvidence, 0.1, 0.0)
+    assert (set(found), found["said_ns"], found["last_ns"]) == ({"loads", "said_ns", "last_ns"}, NEVER, NEVER)
+    found = left(start_friction, config, ContactEstimate, blank(FrictionEvidence), 0.1, 0.0)
+    assert not {"slipped_at", "slipping"} & set(found)

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from slip_vic_controller.config.observer import capacity
-from slip_vic_controller.contact.observer import ROW, append
+from slip_vic_controller.contact.observer import ROW, append, reset
+from slip_vic_controller.contact.observer import Observer as State
 from slip_vic_controller.law.contact import SLIP_SAMPLE
-from test.support.call import call
+from test.support.call import call, left
 from test.unit.contact.rig import MS, SENSOR, Bench, Observer, given, make_motion, make_params, six
 
 SHAKY = {"slip_sensor__noise_linear": 2e-3, "slip_sensor__noise_angular": 0.05, "observer__drag_spread": 0.0}
@@ -332,3 +333,10 @@ def test_infinite_numbers_are_refused() -> None:
             motion = make_motion(bench.twist + six(x=bad))
             assert not bench.observer.copy().observe(motion, stamp_ns, [])
         assert bench.observer.copy().observe(good, stamp_ns, [])
+
+
+def test_nothing_of_before_remains() -> None:
+    found = left(reset, Observer(make_params()).config, State, 5, np.full(6, 2.0))
+    axes = found.pop("axes")
+    assert {name: np.max(value) for name, value in found.items()} == {"stamp_ns": 5, "since_ns": 5, "v_ee": 2.0}
+    assert not any(axes[name].any() for name in ("v", "b", "c", "P_vv", "P_vb", "P_vc", "P_bc"))

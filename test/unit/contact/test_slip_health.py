@@ -16,10 +16,13 @@ from slip_vic_controller.contact.friction_estimate import GIVES_M
 from slip_vic_controller.contact.slip_health import (
     DIFFERS,
     SLIP_EVIDENCE,
+    SlipEvidence,
     add_reading,
     judge_health,
     start_health,
 )
+from slip_vic_controller.sizes import NEVER
+from test.support.call import left
 
 DT = 2e-3
 AXES = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 1.0])
@@ -149,3 +152,7 @@ def test_no_force_no_direction() -> None:
     for k in range(100):
         add_reading(state, k * 10**6, spatial(np.array([-1.0, 0.0, 0.0, 0.0, 0.0, -1.0])), NOTHING, True)
     assert (state.length, state.turned) == (0.0, 0.0)
+
+
+def test_nothing_of_before_remains() -> None:
+    assert left(start_health, SlipEvidence) == {"read_ns": NEVER}

@@ -27,7 +27,7 @@ from slip_vic_controller.contact.wrench_evidence import (
     start_evidence,
 )
 from slip_vic_controller.sizes import NEVER
-from test.support.call import blank
+from test.support.call import blank, left
 
 DT, MS = 1e-3, 1_000_000
 
@@ -150,3 +150,7 @@ def test_friction_from_the_load_left(friction: Friction, carried: float, F_hat: 
     assert (contact.F_median, state.events, contact.carried) == (
         pytest.approx(F_hat), int(F_hat < 1.0), pytest.approx(min(0.82, F_hat))
     )  # fmt: skip
+
+
+def test_nothing_of_before_remains() -> None:
+    assert left(start_evidence, WrenchEvidence) == {"unseen_ns": NEVER}

@@ -9,11 +9,12 @@ from hypothesis import strategies as st
 
 from slip_vic_controller.governor import governor
 from slip_vic_controller.governor.guard import BRAKES
+from slip_vic_controller.governor.layouts import Governor as State
 from slip_vic_controller.governor.plan import path_time
 from slip_vic_controller.governor.step import OVER, Limit
 from test.referees.governor_bench import PAPER, PAPER_PLANAR, VERTICAL, Friction, Governing, Governor, scene
 from test.referees.governor_paths import BentPath
-from test.support.call import call
+from test.support.call import call, left
 
 ROUNDING = 1e-9
 DT = 1e-3
@@ -314,3 +315,10 @@ def test_unknown_friction_is_tried() -> None:
     assert G.state.infeasible == 0
     assert cycles < 5999
     assert over <= 1 + ROUNDING
+
+
+def test_a_discarded_plan_leaves_the_place_on_the_path() -> None:
+    found = left(governor.discard_plan, Governor(BentPath(PAPER.way, 2.0), PAPER).config, State)
+    kept = {"duration", "time", "end", "out_speed", "out_bend", "arrived", "usable", "ceiling", "ring", "contact"}
+    assert set(found) == kept | {"s", "out_s", "out_time"}
+    assert found["out_s"] == found["out_time"] == 1.0

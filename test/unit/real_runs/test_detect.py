@@ -2,17 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from tools.real_data.detect import (
-    even,
     observed,
-    over,
     rest_noise,
     score,
-    shear_load,
     true_slips,
-    twist_rate,
 )
 from tools.real_data.table import read_table
 
@@ -31,10 +25,3 @@ def test_the_observer_finds_every_slip_within_a_tenth_of_a_second():
         assert one.missed == 0, run.name
         assert all(delay < 0.1 for delay in one.delays), run.name
         assert one.false == (3 if run is RUNS[0] else 0), run.name
-
-
-def test_signals_are_of_the_seen_part():
-    for run in RUNS:
-        t, _ = even(run)
-        assert twist_rate(run).shape == shear_load(run).shape == t.shape
-        assert over(run, shear_load(run), np.inf) == []

@@ -86,19 +86,3 @@ def test_commands_are_understood() -> None:
     assert {command: wrong for command, wrong in found.items() if wrong} == {}
     assert len(found) > 35
     assert all(commands[page] for page in ("README.md", "CONTRIBUTING.md", "bags.md", "safety.md", "sensors.md"))
-
-
-@pytest.mark.parametrize(
-    ("command", "wrong"),
-    [
-        ("./run rum", "No such command 'rum'"),
-        ("slip-vic bag inspect out/mine", "No such command 'inspect'"),
-        ("./run run --speed 2", "No such option"),
-        ("./run demo --seed -1", "x>=0"),
-        ("./run run --law pid", "unknown pid"),
-        ("python tools/reference_bag.py", "no file"),
-        ("pytest test/bags/test_nothing.py", "no file"),
-    ],
-)
-def test_wrong_commands_are_seen(command: str, wrong: str) -> None:
-    assert wrong in misunderstood(command.split())

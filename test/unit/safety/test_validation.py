@@ -8,20 +8,28 @@ import pytest
 from slip_core.records import record
 from slip_vic_controller.params.controller_params import SafetyParams
 from slip_vic_controller.safety.conditions import Reason
-from slip_vic_controller.safety.validation import ACCEPT_AFTER, vector_validity
+from slip_vic_controller.safety.validation import (
+    ACCEPT_AFTER,
+    JointInput,
+    JointLimits,
+    VectorInput,
+    VectorLimits,
+    frozen,
+    vector_validity,
+)
 from slip_vic_controller.session.arrival import receive_joint_state, receive_slip, receive_wrench
 from slip_vic_controller.state import ARM_SIZE, ARM_STATE, CONFIG, TASK_SIZE
-from test.support.call import call
+from test.support.call import blank, call
 from test.support.made_up import MS, NOW_NS, POSITION, STAMP_NS, N, controller_of
 
 INPUTS = SafetyParams().inputs
-AGE_NS = round(INPUTS.slip_age_s * 1e9)
 PERIOD_NS = 4 * MS
+EFFORT = np.linspace(1.0, 2.0, N)
 QUIET = np.array([0.01, 0.0, 0.0, 0.0, 0.0, 0.0])
 
 
 class Validation:
-    """The inputs of one arm; joint states with efforts of zero."""
+    """The inputs of one arm."""
 
     def __init__(self, lockstep: bool = False, quantum: float = 0.0) -> None:
         controller = controller_of(lockstep, slip_sensor__quantum_linear=quantum)
@@ -31,7 +39,7 @@ class Validation:
 
     def joint(self, stamp_ns: int, q, qd, now_ns: int, refused: bool = False) -> Reason:
         q, qd = np.array(q, dtype=float), np.array(qd, dtype=float)
-        args = (stamp_ns, q, qd, np.zeros(N), refused, now_ns, self.lockstep)
+        args = (stamp_ns, q, qd, EFFORT, refused, now_ns, self.lockstep)
         return Reason(receive_joint_state(self.config, self.buffer, *args))
 
     def vector(self, is_slip: bool, stamp_ns: int, values, now_ns: int) -> Reason:
@@ -51,8 +59,9 @@ class Validation:
     [
         ({"q": np.nan}, Reason.NOT_FINITE), ({"qd": np.inf}, Reason.NOT_FINITE), ({"q": 10.0}, Reason.ABSURD),
         ({"qd": 1e3}, Reason.ABSURD), ({"stamp_ns": -MS}, Reason.OUT_OF_ORDER),
-        ({"stamp_ns": 0}, Reason.OUT_OF_ORDER), ({"stamp_ns": 10**9}, Reason.CLOCK_JUMP), ({"q": 0.3}, Reason.JUMP),
-        ({"refused": 1.0}, Reason.REFUSED), ({}, Reason.NONE),
+        ({"stamp_ns": 0}, Reason.OUT_OF_ORDER), ({"q": 0.3}, Reason.JUMP), ({"stamp_ns": 204 * MS}, Reason.NONE),
+        ({"stamp_ns": 204 * MS + 1}, Reason.CLOCK_JUMP), ({"stamp_ns": -200 * MS}, Reason.CLOCK_JUMP),
+        ({"stamp_ns": 1 - 200 * MS}, Reason.OUT_OF_ORDER), ({"refused": 1.0}, Reason.REFUSED), ({}, Reason.NONE),
     ],
 )  # fmt: skip
 def test_joint_state_faults(change: dict[str, float], fault: Reason) -> None:
@@ -67,14 +76,17 @@ def test_joint_state_faults(change: dict[str, float], fault: Reason) -> None:
     assert v.state.joint.counts[fault] == (0 if fault == Reason.NONE else 1)
     kept = fault == Reason.NONE
     assert v.state.joint.last.stamp_ns == (stamp_ns if kept else at(4)[0])
+    np.testing.assert_array_equal(v.state.joint.last.effort[:N], EFFORT)
 
 
 @pytest.mark.parametrize("is_slip", [False, True])
 def test_vector_faults(is_slip: bool) -> None:
     largest = (INPUTS.slip if is_slip else INPUTS.wrench)[1]
+    ahead_ns = int(record(controller_of().config, CONFIG).slip.future_ns) - PERIOD_NS  # of the joint state before
     for values, shift_ns, fault in (
         (np.nan, 0, Reason.NOT_FINITE), (1.01 * largest, 0, Reason.ABSURD),
-        (1.0, -2 * PERIOD_NS, Reason.OUT_OF_ORDER), (1.0, -PERIOD_NS, Reason.OUT_OF_ORDER), (1.0, 10**9, Reason.FUTURE),
+        (1.0, -2 * PERIOD_NS, Reason.OUT_OF_ORDER), (1.0, -PERIOD_NS, Reason.OUT_OF_ORDER),
+        (1.0, ahead_ns, Reason.NONE), (1.0, ahead_ns + 1, Reason.FUTURE),
         (1.0, -STAMP_NS - 5 * PERIOD_NS, Reason.UNSTAMPED), (0.99 * largest, 0, Reason.NONE),
     ):  # fmt: skip
         v = begun()
@@ -128,29 +140,34 @@ def test_agreeing_samples_are_a_restart() -> None:
 # -- wrench and slip velocity -------------------------------------------------------------------------
 
 
-def heard_once() -> Validation:
-    v = Validation()
-    assert v.vector(True, STAMP_NS, QUIET, NOW_NS) == Reason.NONE
-    return v
-
-
-def said_while(bad: np.ndarray, heard: bool) -> Reason:
-    """Return why a slip velocity does not count that was good once, and then bad, or not heard, for long."""
-    v, validities = heard_once(), []
-    for passed in range(PERIOD_NS, 2 * AGE_NS, PERIOD_NS):
-        if heard:
-            v.vector(True, STAMP_NS + passed, bad, NOW_NS + passed)
-        validities.append(v.validity(True, NOW_NS + passed, STAMP_NS + passed))
-    assert validities[0] == Reason.NONE  # one bad sample is dropped, and the last good one used
-    return validities[-1]
-
-
 @pytest.mark.parametrize(
-    ("bad", "fault"), [(np.full(6, 2.0 * INPUTS.slip[0]), Reason.ABSURD), (np.full(6, np.inf), Reason.NOT_FINITE)]
-)
-def test_bad_numbers_are_not_silence(bad: np.ndarray, fault: Reason) -> None:
-    assert said_while(bad, heard=True) == fault
-    assert said_while(bad, heard=False) == Reason.SILENT
+    ("state", "now", "joint", "reason"),
+    [
+        ({}, 110, 110, Reason.NONE), ({}, 111, 110, Reason.SILENT), ({}, 110, 111, Reason.STALE),
+        ({}, 100, 95, Reason.NONE), ({}, 100, 94, Reason.FUTURE), ({"known": 0}, 100, 100, Reason.SILENT),
+        ({"fault": Reason.FUTURE, "bad": 1}, 100, 100, Reason.NONE),
+        ({"fault": Reason.FUTURE, "bad": 2}, 100, 100, Reason.FUTURE), ({"equal_since_ns": 80}, 100, 100, Reason.NONE),
+        ({"fault": Reason.INVALID}, 111, 100, Reason.INVALID), ({"equal_since_ns": 79}, 100, 100, Reason.FROZEN),
+        ({"fault": Reason.ABSURD, "fault_ns": 101}, 111, 100, Reason.ABSURD),
+        ({"fault": Reason.ABSURD, "fault_ns": 100}, 111, 100, Reason.SILENT),
+        ({"fault": Reason.ABSURD, "fault_ns": 100}, 110, 100, Reason.NONE),
+    ],
+)  # fmt: skip
+def test_each_limit_of_a_vector_on_both_sides(state: dict[str, int], now: int, joint: int, reason: Reason) -> None:
+    """Of a slip velocity of ones with the stamp 100 that came at 100; bad numbers are not silence."""
+    limits, of = blank(VectorLimits), blank(VectorInput)
+    limits.age_ns, limits.frozen_ns, limits.future_ns, limits.zero_is_normal = 10, 20, 5, 1
+    of.known, of.stamp_ns, of.arrival_ns, of.equal_since_ns, of.values[:] = 1, 100, 100, 100, 1.0
+    for name, value in state.items():
+        setattr(of, name, value)
+    assert call(vector_validity, limits, of, now, joint, False) == reason
+
+
+def test_joints_freeze_after_their_limit() -> None:
+    limits, of = blank(JointLimits), blank(JointInput)
+    limits.frozen_ns, of.equal_since_ns = 20, 80
+    for of.known, now_ns, stays in ((1, 100, False), (1, 101, True), (0, 101, False)):
+        assert bool(call(frozen, limits, of, now_ns)) is stays
 
 
 def test_two_samples_ahead_are_a_fault() -> None:
