@@ -148,6 +148,7 @@ def test_lasting_contradiction_overrides_the_model() -> None:
             seen.append(bench.step(six(x=1.0), samples=[sample]).twist[0])
         assert min(seen[:2]) > 0.1, "one or two may be outliers"
         assert abs(seen[2] - reads) < 4e-3
+        assert bench.state.against == 0
 
 
 def test_outliers_are_rejected() -> None:

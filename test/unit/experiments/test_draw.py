@@ -31,7 +31,6 @@ def test_sets_stay_what_they_were(worlds: list[World]) -> None:
 
 
 def test_worlds_cover_every_scenario_motion_and_error(worlds: list[World]) -> None:
-    assert 0 < len(worlds) < 40, "friction carries the weight in some alone"
     assert {world.scenario for world in worlds} == {"paper_planar", "vertical_plane", "glass_transport"}
     assert {world.motion for world in worlds} == set(KINDS)
 
@@ -44,7 +43,6 @@ def test_a_drive_that_is_given_is_that_of_all_worlds() -> None:
 def test_two_arms_have_troubles_of_their_own() -> None:
     worlds = list(drawn_worlds(12, 3, PAIR))
     assert [(world.scenario, world.arms) for world in worlds] == [(PAIR[k % 2], 2) for k in range(12)]
-    assert len({world.sensor for world in worlds}) > 3
 
 
 def test_worlds_of_two_arms_run() -> None:

@@ -75,6 +75,7 @@ def test_a_pad_moves_with_the_object_that_it_holds() -> None:
     session.set_reference(CartesianReference(position, rotation, *motion))
     places = [x + R @ np.array(contacts.position[:3]) for x, R in map(object_at, (-STEP_S, 0.0, STEP_S))]
     given = session.task.reference
+    assert (session.task.taken, session.task.reference_known) == (1, 1)
     np.testing.assert_allclose(given.position, places[1], atol=1e-15)
     np.testing.assert_allclose(given.rotation, rotation @ matrix_from_quat_xyzw(contacts.orientation_xyzw[:4]))
     np.testing.assert_allclose(given.twist[:3], (places[2] - places[0]) / (2.0 * STEP_S), atol=1e-6)

@@ -22,7 +22,6 @@ from slip_core.types import CartesianReference, DisplacementSample, JointSample,
 from slip_vic_controller.arm.estimator import JointRecord
 from slip_vic_controller.config.controller import Controller, governed_stream, renew_config
 from slip_vic_controller.config.noise import use_tare
-from slip_vic_controller.contact.observer import ROW_SIZE
 from slip_vic_controller.cycle.cycle import cycle
 from slip_vic_controller.interfaces import SlipFromDisplacement
 from slip_vic_controller.law.gains import gain_report
@@ -119,9 +118,6 @@ class ArmSession:
         self.controller = session.controller.arms[name]
         self.contacts = self.controller.contacts
         self.row = session.buffer[TASK_SIZE + index * ARM_SIZE :][:ARM_SIZE]
-        rows = session.controller.rows
-        begin = TASK_SIZE + len(session.controller.arms) * ARM_SIZE + index * rows * ROW_SIZE
-        self.history = session.buffer[begin : begin + rows * ROW_SIZE]
         self.state: ArmState = record(self.row, ARM_STATE)
         given = len(session.controller.arms) * INPUTS_SIZE
         self._inputs = slice(index * INPUTS_SIZE, (index + 1) * INPUTS_SIZE)
