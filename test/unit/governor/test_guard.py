@@ -25,7 +25,8 @@ def test_guard_holds_overrun_slide(drive: str) -> None:
     outputs.law.a_C[:] = 20.0, 0.0, 0.0, 0.0, 0.0, 0.0
     grasped = call(held, config, state, outputs.gains)
 
-    def factor(slips: bool, overrun: bool) -> float:
+    def factor(slips: bool, overrun: bool, added: float = 0.0) -> float:
+        state.pad.evidence.added[0] = added
         state.pad.contact.slipping, task.governor.overrun = int(slips), int(overrun)
         return float(call(guard, ArmCycle(config, task, state, inputs, outputs, True), grasped))
 
@@ -34,3 +35,8 @@ def test_guard_holds_overrun_slide(drive: str) -> None:
     assert factor(False, True) == holds
     assert factor(True, False) == 1.0
     assert factor(True, True) == pytest.approx(holds)
+    # What drives add against the command is not drawn: up to F^ of it the law may ask for more, with it for less.
+    ceiling = task.governor.ceiling
+    less, more = (1.5, 0.5) if drive == "torque_joint" else (1.0, 1.0)  # exact drives add nothing
+    assert factor(False, False, -0.5 * ceiling) == pytest.approx(less * holds, rel=0.02)
+    assert factor(False, False, 0.5 * ceiling) == pytest.approx(more * holds, rel=0.02)

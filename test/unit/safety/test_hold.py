@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from slip_core.records import dtype_of, new, record
+from slip_core.vectors import Vec
 from slip_vic.scenarios.scenario import load
 from slip_vic_controller.arm.estimator import JointRecord
 from slip_vic_controller.law.arm import ARM
@@ -23,7 +24,7 @@ from slip_vic_controller.safety.hold import (
     carry_load,
     hold_effort,
     keep_posture,
-    update_load_error,
+    plausible_arm,
 )
 from slip_vic_controller.state import CONFIG
 from test.referees.law_referee import S, exponential, two
@@ -48,15 +49,14 @@ def object_load(R: np.ndarray, r: np.ndarray, weight: np.ndarray) -> np.ndarray:
 
 def hold_torque(
     arm: Any, pad: np.ndarray, q: np.ndarray, qd: np.ndarray, posture: np.ndarray, r_pad: np.ndarray,
-    gains: tuple[float, float], mass: float, inertia: np.ndarray, weight: np.ndarray, error: np.ndarray, *,
-    carries: bool,
+    gains: tuple[float, float], mass: float, inertia: np.ndarray, weight: np.ndarray, *, carries: bool,
 ) -> np.ndarray:  # fmt: skip
     """Return g + (M + J_o^T B_o J_o / 2) (k (q_0 - q) - d qd) - J^T h."""
     R, (k, d) = arm.rotation, gains
     R_o, r = R @ pad.T, R @ r_pad
     H = held_inertia(arm.M, arm.J, r, mass, R_o @ inertia @ R_o.T)
     torque = arm.gravity + H @ (k * (posture - q) - d * qd)
-    return torque - carries * (arm.J.T @ two(R) @ (object_load(R, r, weight) + error))
+    return torque - carries * (arm.J.T @ two(R) @ object_load(R, r, weight))
 
 
 class Random:
@@ -73,7 +73,7 @@ class Random:
         self.config.stiffness, self.config.damping = 225.0, 30.0
         self.config.mass, self.config.inertia[:] = 0.7, inertia_root @ inertia_root.T
         self.config.weight[:] = self.config.mass * rng.standard_normal(3) * 9.81
-        self.hold.posture[:n], self.hold.load_error[:] = rng.standard_normal(n), rng.standard_normal(6)
+        self.hold.posture[:n] = rng.standard_normal(n)
         self.arm.M[:n, :n], self.arm.J[:, :n] = root @ root.T, rng.standard_normal((6, n))
         self.arm.rotation[:], self.arm.gravity[:n] = exponential(rng.standard_normal(3)), rng.standard_normal(n)
         self.pad, self.r_pad = exponential(rng.standard_normal(3)), 0.3 * rng.standard_normal(3)
@@ -86,7 +86,7 @@ class Random:
         out, (config, hold, arm) = np.empty(self.n), self.buffers
         call(hold_effort, config, hold, arm, self.sample, self.pad, self.r_pad, out)
         if carries:
-            call(carry_load, config, hold, arm, self.r_pad, out)
+            call(carry_load, config, arm, self.r_pad, out)
         return out
 
     def referee(self, carries: bool) -> np.ndarray:
@@ -95,7 +95,7 @@ class Random:
         gains = c.stiffness, c.damping
         return hold_torque(
             arm, self.pad, self.q, self.qd, self.hold.posture[:n], self.r_pad, gains, c.mass, c.inertia, c.weight,
-            self.hold.load_error, carries=carries,
+            carries=carries,
         )  # fmt: skip
 
 
@@ -137,23 +137,11 @@ def test_longest_gap() -> None:
         assert made_up.past_validation(passed_ns=gap_ns + more_ns).mode is mode
 
 
-def test_load_correction_is_slow_and_bounded() -> None:
-    case = Random(0, 3)
-    config, hold, arm = case.buffers
-    model = object_load(np.array(case.arm.rotation), case.arm.rotation @ case.r_pad, np.array(case.config.weight))
-
-    def seen(measured: np.ndarray, cycles: int) -> np.ndarray:
-        case.hold.load_error[:] = 0.0
-        for _ in range(cycles):
-            call(update_load_error, config, hold, arm, case.r_pad, measured, 0.002)
-        return np.array(case.hold.load_error)
-
-    beyond = np.array([0.5, 0.0, 0.3, 0.0, 0.05, 0.0])
-    np.testing.assert_allclose(seen(model + beyond, 100), (1.0 - math.exp(-4.0)) * beyond, atol=1e-12)
-    weight = float(np.linalg.norm(case.config.weight))
-    error = seen(1e6 * np.ones(6), 1000)
-    assert np.linalg.norm(error[:3]) == pytest.approx(weight)
-    assert np.linalg.norm(error[3:]) == pytest.approx(weight * LOAD_LEVER)
+@pytest.mark.parametrize(("away", "used"), [(0.999, 0.999), (1.001, 1.0), (50.0, 1.0)])
+def test_lever_stays_near_its_configured_place(away: float, used: float) -> None:
+    configured, direction = Vec(0.02, -0.3, 0.1), np.array([0.6, 0.0, -0.8])
+    found = plausible_arm(configured, configured + Vec(*(away * LOAD_LEVER * direction))) - configured
+    np.testing.assert_allclose(tuple(found), used * LOAD_LEVER * direction, atol=1e-15)
 
 
 # -- the delay that it bears --------------------------------------------------------------------------

@@ -5,10 +5,10 @@ for each: a_i = P(r_i, sticks), b_i = P(r_i, slides). A cycle compares the load 
 motion needs, each sample of the slip sensor counts at its own stamp, and the risk quantile of what the contact still
 carries, a_i at r_i and b_i at k r_i, sets the squeeze.
 
-    p = mean l + s (d - mean d),   d: load of the commanded acceleration,   s: regression of the changes
+    p = mean l + d - mean d,   d: load of the commanded acceleration
 
 p follows the wrench only while the object sticks: in a slip the measured load falls with friction, and a squeeze that
-followed it would lose the object. s absorbs a wrong mass, the means a wrong centre of mass.
+followed it would lose the object. The means absorb a wrong mass and a wrong centre of mass.
 
 Noise must not look like a load that friction carries, for the evidence of many cycles adds up: the size of the noise is
 taken off l, what sticks carries p corrected by l only as far as p is in doubt, and slip is expected only where the load
@@ -43,10 +43,6 @@ class Tuning(NamedTuple):
     diffusion: float = 0.05  # of log r, after one second: friction changes
     change_rate: float = 1e-2  # 1/s, of a sudden change: any friction by the prior
     mean_s: float = 0.04  # T, of the means of loads
-    scale_s: float = 1.0  # memory of the regression
-    known_scale: float = 0.1  # of friction: changes of the load that teach it as much as is configured
-    least_scale: float = 0.5
-    most_scale: float = 1.6
     wrench_s: float = 0.01  # mean of the wrench, before its size is taken; it counts once in this time
     least_likelihood: float = 0.02  # one reading never excludes a mode
     slides: float = 0.5  # P(slides) from which the object slides for all others
@@ -94,8 +90,6 @@ class Belief(Record):
     drawn: Real  # N, mean of d over wrench_s
     last: Vec6  # N, load of the cycle before
     noise: Real  # N, standard deviation of the mean load along an axis
-    square: Real  # N^2, mean square of the changes of d
-    product: Real  # N^2, mean product of those of d and l
     needed: Real  # N, p
     count: Whole  # times that are kept
     stamps: Annotated[WholeArray, PAST]  # of them
@@ -115,7 +109,7 @@ def start_belief(state: Belief, load: float, F: float) -> None:
     state.measured = state.commanded = state.drawn = state.carried = state.needed = load
     put_spatial(state.load, Spatial(Vec(load, 0.0, 0.0), ZERO))
     state.last[:] = state.load
-    state.noise, state.square, state.product, state.count = BELIEF_TUNING.first_noise * F, 0.0, 0.0, 0
+    state.noise, state.count = BELIEF_TUNING.first_noise * F, 0
 
 
 @part
@@ -151,17 +145,12 @@ def model_load(state: Belief, load: Spatial, d: float, F: float, dt: float) -> t
     put_spatial(state.load, mean)
     state.carried = math.sqrt(max(mean.dot(mean) - t.axes * state.noise * state.noise, 0.0))  # noise has a size too
     state.drawn += share * (d - state.drawn)
-    x, y = state.drawn - state.commanded, state.carried - state.measured
-    share = stuck * dt / t.scale_s
-    state.square += share * (x * x - state.square)
-    state.product += share * (x * y - state.product)
-    c = state.noise * state.noise + (t.known_scale * F) ** 2
-    s = min(max((state.product + c) / (state.square + c), t.least_scale), t.most_scale)
+    change = state.drawn - state.commanded
     share = stuck * (1.0 - math.exp(-dt / t.mean_s))
     state.measured += share * (state.carried - state.measured)
     state.commanded += share * (state.drawn - state.commanded)
-    state.needed = state.measured + s * (d - state.commanded)
-    return state.measured + s * (state.drawn - state.commanded), x
+    state.needed = state.measured + d - state.commanded
+    return state.measured + state.drawn - state.commanded, change
 
 
 @part

@@ -60,6 +60,7 @@ class WrenchEvidence(Record):
     twist: Vec6  # m/s, rad/s {w}; of the pad in the cycle before
     needed: Vec6  # N, mean on pad axes; what the pad's acceleration needs
     measured: Vec6  # N, mean on pad axes
+    added: Vec6  # N, mean on pad axes; what drives add to the load of the commands
     surplus: Vec6  # N, b
     sum_s: Real  # S
     spent: Whole  # whether a slip was found, and no load that counts has been carried in full since
@@ -70,7 +71,8 @@ class WrenchEvidence(Record):
 def start_evidence(state: WrenchEvidence) -> None:
     """Start without load and slip."""
     state.begun, state.sum_s, state.spent, state.unseen_ns = 0, 0.0, 0, NEVER
-    state.twist[:], state.needed[:], state.measured[:], state.surplus[:] = 0.0, 0.0, 0.0, 0.0
+    state.twist[:], state.needed[:], state.measured[:] = 0.0, 0.0, 0.0
+    state.added[:], state.surplus[:] = 0.0, 0.0
 
 
 @part
@@ -80,6 +82,15 @@ def pull(state: WrenchEvidence) -> Spatial:
     At rest, above LEAST_FRICTION F and the wrench's expected bias, it comes from a hand: a wrong mass leaves less.
     """
     return spatial(state.measured) - spatial(state.needed)
+
+
+@part
+def take_in(mean: Vec6, value: Spatial, dt: float) -> Spatial:
+    """Take a value into a mean [N] {ee}, and return that; dt: since the cycle before [s]."""
+    share = min(1.0 - math.exp(-dt / MEAN_S), SCATTERS)  # one sample, e.g. an encoder's step, is no lack
+    new = spatial(mean) + share * (value - spatial(mean))
+    put_spatial(mean, new)
+    return new
 
 
 @part
@@ -99,11 +110,7 @@ def lacks_load(
         stamp_ns: of this cycle.
         dt: since the cycle before [s].
     """
-    share = min(1.0 - math.exp(-dt / MEAN_S), SCATTERS)  # one sample, e.g. an encoder's step, is no lack
-    need, load = spatial(state.needed), spatial(state.measured)
-    need, load = need + share * (needed - need), load + share * (measured - load)
-    put_spatial(state.needed, need)
-    put_spatial(state.measured, load)
+    need, load = take_in(state.needed, needed, dt), take_in(state.measured, measured, dt)
     if contact.slipping != 0:
         state.sum_s, state.unseen_ns = 0.0, NEVER
         return False

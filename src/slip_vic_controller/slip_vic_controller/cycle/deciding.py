@@ -375,7 +375,7 @@ def _too_heavy(config: ControllerConfig, state: ArmState, inputs: CycleInputs) -
     No drive can either, so the arm sinks until its lever is short enough: to begin there is for a user to say.
     """
     torque = inputs.arm.gravity.copy()
-    carry_load(config.hold, state.hold, inputs.arm, arm_of_load(config, state), torque)
+    carry_load(config.hold, inputs.arm, arm_of_load(config, state), torque)
     for j in range(config.law.joints):
         if abs(torque[j]) > config.law.effort_limit[j]:
             return Why(Reason.TOO_HEAVY.value, 0, 0, j, torque[j], config.law.effort_limit[j])

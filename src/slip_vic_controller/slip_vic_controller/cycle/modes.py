@@ -19,7 +19,7 @@ from slip_vic_controller.contact.observer import reset
 from slip_vic_controller.contact.wrench_evidence import Handover, pull
 from slip_vic_controller.cycle.governing import follow_goal, governed_reference, guard, pad_now, rest_on_path, yield_to
 from slip_vic_controller.cycle.limit import finish
-from slip_vic_controller.cycle.sensing import arm_of_load, begin_pad, held, own_wrench, pulls
+from slip_vic_controller.cycle.sensing import arm_of_load, begin_pad, held, pulls
 from slip_vic_controller.governor.governor import discard_plan, start_governor
 from slip_vic_controller.governor.plan import Governing
 from slip_vic_controller.law.contact import pad_rotation
@@ -28,9 +28,8 @@ from slip_vic_controller.path.goals import rest_at
 from slip_vic_controller.path.paths import carried, put_reference, read_reference, reference_at, scaled
 from slip_vic_controller.path.stream import rest_stream
 from slip_vic_controller.safety.conditions import Mode, Reason, Request, Why, because, holds_for, next_mode
-from slip_vic_controller.safety.hold import carry_load, hold_effort, keep_posture, update_load_error
+from slip_vic_controller.safety.hold import carry_load, hold_effort, keep_posture
 from slip_vic_controller.safety.motion import forget, observe_motion
-from slip_vic_controller.safety.validation import frozen
 from slip_vic_controller.sizes import MAX_CONTACTS, MAX_JOINTS, NEVER
 from slip_vic_controller.state import ArmCycle
 
@@ -56,12 +55,11 @@ def wait(c: ArmCycle, why: Why) -> None:
     next_mode(c.config.conditions, state.mode, why, c.inputs.request, c.inputs.now_ns)
     give_nothing(c)
     state.law.known, state.estimate.started, state.tare.watched = 0, 0, 0
-    state.hold.load_error[:] = 0.0
 
 
 @part
 def hold(c: ArmCycle) -> None:
-    """Hold the posture in which HOLD began; the load found by the wrench stays until the law starts.
+    """Hold the posture in which HOLD began.
 
     If neither a joint state nor the model gives the arm's position, efforts go to gravity compensation there, from the
     last command, however old, since nothing else shows the joints' load. If that lasts, or joints have read the
@@ -87,18 +85,14 @@ def hold(c: ArmCycle) -> None:
     # After a pause something else has held the arm.
     if state.hold.known == 0 or inputs.now_ns - state.now_ns > config.joint.age_ns:
         state.hold.known, state.hold.posture[:n] = 1, sample.position[:n]
-    dt_ns = max(sample.stamp_ns - law.stamp_ns, 0)
     keep_posture(config.hold, state.hold, sample, config.command.velocity, inputs.arm.M, config.estimator.friction)
     pad = pad_rotation(config.law.contact[0], law.slips[0])
     r = arm_of_load(config, state)
-    measured, good = own_wrench(config, state, mat(inputs.arm.rotation)), outputs.health.wrench == Reason.NONE
-    if good and measured.dot(measured) < np.inf and not frozen(config.joint, state.joint, inputs.now_ns):
-        update_load_error(config.hold, state.hold, inputs.arm, r, measured, dt_ns * 1e-9)
     hold_effort(config.hold, state.hold, inputs.arm, sample, pad, r, outputs.wanted)
     if state.mode.reason.reason != Reason.FALLS:
-        carry_load(config.hold, state.hold, inputs.arm, r, outputs.wanted)
+        carry_load(config.hold, inputs.arm, r, outputs.wanted)
     if c.lead:
-        task.start_ns += dt_ns
+        task.start_ns += max(sample.stamp_ns - law.stamp_ns, 0)
     keep_joints(c)
     forget(state.observed)
     state.conditions[Reason.SATURATED].since_ns = NEVER
@@ -123,7 +117,7 @@ def leave_hold(c: ArmCycle) -> None:
         waited = c.outputs.before.mode == Mode.WAITING_INPUT
         task.path.scale, task.path.rate = (1.0 if waited else 0.0), 0.0
         rest_on_path(c, not waited)
-    state.hold.known, state.hold.load_error[:] = 0, 0.0
+    state.hold.known = 0
     forget(state.observed)
     if config.has_observer != 0:
         reset(config.observer, state.observer, state.joint.answers.stamp_ns, c.inputs.arm.twist)
@@ -153,7 +147,7 @@ def keep_joints(c: ArmCycle) -> None:
     if all_finite(inputs.arm.gravity[:n]):
         law.gravity[:n] = inputs.arm.gravity[:n]
     if config.hold.carriers > 1 and state.mode.reason.reason != Reason.FALLS:
-        carry_load(config.hold, state.hold, inputs.arm, arm_of_load(config, state), law.gravity)
+        carry_load(config.hold, inputs.arm, arm_of_load(config, state), law.gravity)
 
 
 @part

@@ -25,7 +25,7 @@ from slip_vic_controller.contact.friction_estimate import (
 )
 from slip_vic_controller.contact.observer import Motion, observe
 from slip_vic_controller.contact.slip_health import DIFFERS, add_reading, judge_health
-from slip_vic_controller.contact.wrench_evidence import Handover, lacks_load
+from slip_vic_controller.contact.wrench_evidence import Handover, lacks_load, take_in
 from slip_vic_controller.governor import governor
 from slip_vic_controller.governor.grip import load_ahead, load_to_hold, squeeze
 from slip_vic_controller.governor.load import ALONE, Held, load, size, weight
@@ -213,6 +213,7 @@ def weigh_evidence(c: ArmCycle, measured: Spatial, found: bool, dt: float) -> No
         F = pad.grip * pad.contact.first
         if state.conditions[Reason.HAND].since_ns != NEVER:
             evidence.sum_s = 0.0  # what the hand carries is no load that is missing
+        take_in(evidence.added, needed - spatial(pad.drawn), dt)
         if lacks_load(evidence, pad.contact, needed, measured, F, found, state.joint.answers.stamp_ns, dt):
             learn_carried(config.governor.friction, pad.contact, pad.friction, pad.contact.lacks / pad.grip)
     put_spatial(evidence.twist, v_ee)

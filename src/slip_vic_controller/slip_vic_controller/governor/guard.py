@@ -6,7 +6,7 @@ import math
 from typing import Final
 
 from slip_core.compiled import part
-from slip_core.vectors import Mat, Spatial, Vec, put_spatial
+from slip_core.vectors import Mat, Spatial, Vec, put_spatial, spatial
 from slip_vic_controller.governor.layouts import GovernedPad, GovernorConfig
 from slip_vic_controller.governor.load import Held, drawn, size, turning, weight
 from slip_vic_controller.governor.plan import Governing
@@ -52,6 +52,9 @@ def hold_back(
 ) -> float:
     """Return the guard's factor on a_C, and store the commanded feedback and load.
 
+    What drives add to the command, as friction of joints that nothing compensates, is load too: an arm that was held
+    back to what friction carries without it would give way to it for ever.
+
     Args:
         config: GOVERNOR_CONFIG.
         ceiling: load that the guard lets pass [N].
@@ -61,14 +64,17 @@ def hold_back(
         a_C, a_d: control acceleration of the law, and the reference's in it {w}.
         slides: whether the object slides; then the factor is 1.
 
-    Implements: ours: the load of the commanded acceleration never exceeds F^ unless it slides.
+    Implements: ours: the load of the commanded acceleration and of what comes beyond it never exceeds F^ unless it
+    slides.
     """
     l_a = drawn(held, R_ee, a_C)
     l_0 = turning(held, R_ee, w_ee) + weight(held, R_ee)
     k = 1.0
     if config.mode != Governing.OFF and not slides:
-        alone = size(l_0)  # an object that holds shows that the limit is wrong, and one that slides needs no guard
-        k = guard_factor(l_a, l_0, ceiling if alone <= ceiling else BRAKES * alone)
-    pad.guard, pad.commanded = k, size(k * l_a + l_0)
+        rest = l_0 + spatial(pad.evidence.added) if config.disturbed != 0 else l_0
+        alone = size(rest)  # an object that holds shows that the limit is wrong, and one that slides needs no guard
+        k = guard_factor(l_a, rest, ceiling if alone <= ceiling else BRAKES * alone)
+    put_spatial(pad.drawn, k * l_a + l_0)
+    pad.guard, pad.commanded = k, size(spatial(pad.drawn))
     put_spatial(pad.feedback, a_C - a_d)
     return k

@@ -39,6 +39,7 @@ class GovernorConfig(Record):
     most_turning: Real  # rad/s
     preview_s: Real  # s, how much later a stream is followed
     window: Whole  # cycles of the moving average
+    disturbed: Whole  # whether joints move otherwise than commanded: drives that take efforts, and have errors
     led: Whole  # whether an object that slips leads the path; several arms keep to it
     friction: FrictionConfig
 
@@ -79,7 +80,8 @@ class GovernedPad(Record):
     """State of the governor for each pad."""
 
     feedback: Vec6  # a_C - a_d of the last cycle {w}
-    commanded: Real  # N, load of the last cycle
+    drawn: Vec6  # N on pad axes, load of the command of the last cycle
+    commanded: Real  # N, its size
     measured: Real  # N
     guard: Real  # factor on a_C
     grip: Real  # over the one for which F^ is configured

@@ -1,4 +1,4 @@
-"""HOLD: the posture in which it began, with gravity, the load and damping."""
+"""HOLD: the posture in which it began, with gravity, the load and damping. It needs joint states alone."""
 
 from __future__ import annotations
 
@@ -6,10 +6,9 @@ import math
 
 from slip_core.arrays import Array
 from slip_core.compiled import part
-from slip_core.records import Mat3, Real, Record, Vec3, Vec6, Whole
-from slip_core.vectors import ZERO, Mat, Spatial, Vec, mat, put_spatial, spatial, vec
+from slip_core.records import Mat3, Real, Record, Vec3, Whole
+from slip_core.vectors import ZERO, Mat, Spatial, Vec, mat, vec
 from slip_vic_controller.arm.estimator import MOVES, JointRecord
-from slip_vic_controller.contact.wrench_evidence import MEAN_S
 from slip_vic_controller.law.arm import Arm, column
 from slip_vic_controller.sizes import Joints
 
@@ -17,7 +16,7 @@ DELAY = 0.46
 """Natural frequency of HOLD times the delay from joint state to effort at which it begins to swing, where what is moved
 is 1.5 times the inertia that it reckons with, as where the object is gone [rad]."""
 LOAD_LEVER = 0.1
-"""How far off the pad centre the unknown part of a load may pull: no pad is longer [m]."""
+"""How far off its configured place a load may pull: no pad is longer [m]."""
 ELSEWHERE = 0.01
 """Distance from the posture that HOLD keeps, by which a pad has moved by some millimetres [rad]."""
 
@@ -39,7 +38,6 @@ class Hold(Record):
 
     known: Whole
     posture: Joints  # rad
-    load_error: Vec6  # N, N m {ee}; what is added to the model's load
 
 
 @part
@@ -77,34 +75,6 @@ def plausible_arm(configured: Vec, r_pad: Vec) -> Vec:
     """
     far = (r_pad - configured).norm()
     return r_pad if far <= LOAD_LEVER else configured + (LOAD_LEVER / far) * (r_pad - configured)
-
-
-@part
-def update_load_error(config: HoldConfig, state: Hold, arm: Arm, r_pad: Vec, measured: Spatial, dt: float) -> None:
-    """Compute the correction of the modelled load from the measured wrench on the own pad [N, N m] {ee}.
-
-    Low-pass, as in the wrench's evidence, of what the model does not explain. Slow and bounded by the weight itself,
-    so that HOLD depends on the wrench no more than it must: an object that has slid while the arm came to rest pulls at
-    another point than modelled, and the pads would yield and tilt.
-
-    Args:
-        config, state: of HOLD; state is changed.
-        arm: its terms.
-        r_pad: as in `hold_effort`.
-        measured: by the wrench sensor.
-        dt: since the cycle before [s].
-    """
-    R, error = mat(arm.rotation), spatial(state.load_error)
-    model = object_load(config, R, R @ r_pad)
-    most, beyond = model.linear.norm(), measured - model
-    wanted = Spatial(_shortened(beyond.linear, most), _shortened(beyond.angular, LOAD_LEVER * most))
-    put_spatial(state.load_error, error + (1.0 - math.exp(-dt / MEAN_S)) * (wanted - error))
-
-
-@part
-def _shortened(v: Vec, most: float) -> Vec:
-    size = v.norm()
-    return v if size <= most else (most / size) * v
 
 
 @part
@@ -172,10 +142,10 @@ def keep_posture(
 
 
 @part
-def carry_load(config: HoldConfig, state: Hold, arm: Arm, r_pad: Vec, torque: Array) -> None:
+def carry_load(config: HoldConfig, arm: Arm, r_pad: Vec, torque: Array) -> None:
     """Add -J^T h to `torque` (n,) [N m]: the load of an object that does not fall; arguments as in `hold_effort`."""
     R = mat(arm.rotation)
-    h = R @ (object_load(config, R, R @ r_pad) + spatial(state.load_error))
+    h = R @ object_load(config, R, R @ r_pad)
     for j in range(config.joints):
         torque[j] -= h.linear.dot(column(arm, j).linear)
         torque[j] -= h.angular.dot(column(arm, j).angular)
