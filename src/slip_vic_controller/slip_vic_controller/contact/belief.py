@@ -145,12 +145,12 @@ def model_load(state: Belief, load: Spatial, d: float, F: float, dt: float) -> t
     put_spatial(state.load, mean)
     state.carried = math.sqrt(max(mean.dot(mean) - t.axes * state.noise * state.noise, 0.0))  # noise has a size too
     state.drawn += share * (d - state.drawn)
-    change = state.drawn - state.commanded
+    x = state.drawn - state.commanded
     share = stuck * (1.0 - math.exp(-dt / t.mean_s))
     state.measured += share * (state.carried - state.measured)
     state.commanded += share * (state.drawn - state.commanded)
     state.needed = state.measured + d - state.commanded
-    return state.measured + state.drawn - state.commanded, change
+    return state.measured + state.drawn - state.commanded, x
 
 
 @part
