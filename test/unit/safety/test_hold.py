@@ -11,7 +11,6 @@ import pytest
 
 from slip_core.records import dtype_of, new, record
 from slip_core.vectors import Vec
-from slip_vic.scenarios.scenario import load
 from slip_vic_controller.arm.estimator import JointRecord
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.params.controller_params import SafetyParams
@@ -22,6 +21,7 @@ from slip_vic_controller.safety.hold import (
     Hold,
     HoldConfig,
     carry_load,
+    fill_hold,
     hold_effort,
     keep_posture,
     plausible_arm,
@@ -30,7 +30,6 @@ from slip_vic_controller.state import CONFIG
 from test.referees.law_referee import S, exponential, two
 from test.support.call import blank, call
 from test.support.made_up import POSITION, N, law_at_work
-from test.support.one_arm import one_arm
 
 SAFETY = SafetyParams()
 CLOSE = 1e-9  # relative to the largest: products of matrices of size 1 to 100
@@ -170,10 +169,12 @@ def test_delay_margin_matches_simulation(frequency: float) -> None:
 
 
 @pytest.mark.parametrize("period_s", [0.001, 0.01, 0.02])
-def test_slow_clock_keeps_hold_margin(period_s: float) -> None:
-    soft = "controller.gains.stiffness=[1, 1, 1, 1, 1, 1]"
-    scenario = load("paper_planar", law="vic", set=(f"controller.control_period_s={period_s}", soft))
-    hold = record(one_arm(scenario.controller, scenario.urdf, lockstep=True).first.config, CONFIG).hold
+def test_slow_clock_keeps_hold_margin_and_two_pads_share_the_object(period_s: float) -> None:
+    hold, inertia, gravity = blank(HoldConfig), np.arange(9.0).reshape(3, 3), np.array([0.5, 1.0, -9.8])
+    hold.carriers = 2
+    call(fill_hold, hold, 0.6, inertia, gravity, SAFETY.hold_stiffness, period_s)
     slower = max(1.0, 2.0 * math.sqrt(SAFETY.hold_stiffness) * period_s / DELAY)
     assert hold.stiffness * slower**2 == pytest.approx(SAFETY.hold_stiffness)
     assert hold.damping == pytest.approx(2.0 * math.sqrt(hold.stiffness))
+    np.testing.assert_allclose(hold.weight, 0.3 * gravity, rtol=CLOSE)
+    np.testing.assert_allclose(hold.inertia, 0.5 * inertia, rtol=CLOSE)

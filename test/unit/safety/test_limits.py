@@ -12,7 +12,7 @@ from hypothesis.extra.numpy import arrays
 
 from slip_core.records import record
 from slip_vic_controller.arm.command import CommandLimits, SentCommand
-from slip_vic_controller.safety.limits import avoid_limits, limit_effort, needs_restart, start_limiter
+from slip_vic_controller.safety.limits import avoid_limits, felt_inertias, limit_effort, needs_restart, start_limiter
 from slip_vic_controller.state import CONFIG
 from test.support.call import blank, call
 from test.support.made_up import N, controller_of
@@ -58,11 +58,10 @@ def test_repulsion_reaches_full_effort() -> None:
         np.testing.assert_allclose(torque(MIDDLE, 0.9 * fast, HEAVY, zero), 0.0, atol=CLOSE)
 
 
-def test_a_brake_only_takes_power() -> None:
-    for seed in range(50):
-        rng = np.random.default_rng(seed)
-        M, qd = random_inertia(rng), 2.0 * rng.normal(size=N)
-        assert torque(MIDDLE, qd, M, np.zeros(N)) @ qd <= 0.0
+def test_inertia_that_a_joint_feels() -> None:
+    M, felt = random_inertia(np.random.default_rng(1)), np.zeros(N)
+    call(felt_inertias, M, N, felt)
+    np.testing.assert_allclose(felt, 1.0 / np.diag(np.linalg.inv(M)), rtol=1e-6)
 
 
 def largest_way_back(M: np.ndarray, qd: np.ndarray, late: int = 0) -> float:
