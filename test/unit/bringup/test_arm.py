@@ -210,6 +210,7 @@ def test_the_way_follows_the_path() -> None:
     (arm, _, start), known = planar(), load("paper_planar", law="vic")
     times, path = pad_path(known.controller.trajectory)
     way = follow(arm.robot, start.posture, times, path, np.zeros(3))
+    assert (way.share, way.speed.max() < 0.5) == (1.0, True)
     origin = arm.robot.frame(start.posture)[0]
     for q, point in zip(way.joints, path, strict=True):
         np.testing.assert_allclose(arm.robot.frame(q)[0], origin + point[:3], atol=REACHED)

@@ -96,6 +96,9 @@ def test_sample_is_bayes_rule_at_its_stamp() -> None:
     np.testing.assert_allclose(states[1].slides, states[0].slides, atol=1e-15)
     call(see_slip, states[0], 10 * MS, 0.0, 0.01)
     assert sliding(states[0]) < sliding(states[1]), "a reading of none denies it"
+    ride(states[1], 0.5, 0.9, 0.1)
+    call(see_slip, states[1], 0, 1.0, 0.01)  # late, of a time at which less was known
+    assert np.min(states[1].sticks) == 0.0
 
 
 def test_noise_is_found() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from slip_vic_controller.config.observer import capacity
-from slip_vic_controller.contact.observer import ROW, append, reset
+from slip_vic_controller.contact.observer import ROW, append, begin_stick, reset
 from slip_vic_controller.contact.observer import Observer as State
 from slip_vic_controller.law.contact import SLIP_SAMPLE
 from test.support.call import call, left
@@ -337,7 +337,9 @@ def test_infinite_numbers_are_refused() -> None:
 
 
 def test_nothing_of_before_remains() -> None:
-    found = left(reset, Observer(make_params()).config, State, 5, np.full(6, 2.0))
+    of = Observer(make_params()).config
+    found = left(reset, of, State, 5, np.full(6, 2.0))
     axes = found.pop("axes")
     assert {name: np.max(value) for name, value in found.items()} == {"stamp_ns": 5, "since_ns": 5, "v_ee": 2.0}
     assert not any(axes[name].any() for name in ("v", "b", "c", "P_vv", "P_vb", "P_vc", "P_bc"))
+    assert not {"sliding", "quiet", "against", "first", "rows"} & set(left(begin_stick, of, State))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from test.campaigns.faults.campaign import judge
-from test.campaigns.faults.monitors import CommandMonitor, Promise, SafeStateMonitor
+from test.campaigns.faults.monitors import CommandMonitor, Promise
 from test.campaigns.faults.plan import all_faults
 
 SEED = 7
@@ -42,13 +42,3 @@ def test_command_monitor_sees(commands: list[tuple[int, list[float]]], what: str
         monitor.take(t * MS, np.array(effort), lambda: (ZERO,), t)
     assert len(monitor.violations) >= 1
     assert what in monitor.violations[0]
-
-
-def test_safe_state_monitor_sees_missing_input() -> None:
-    monitor = SafeStateMonitor({"wrench": 0.1}, 0.05)
-    monitor.good("wrench", 1.0, 1.0)
-    monitor.check(1.1, True)
-    monitor.check(5.0, False)
-    assert monitor.violations == []
-    monitor.check(1.2, True)
-    assert "after the last good wrench" in monitor.violations[0]
