@@ -17,6 +17,8 @@ from slip_vic_controller.law.gains import (
     LAW_GAINS,
     RAMP,
     UNKNOWN_LAG,
+    Gains,
+    adapt,
     fill_ramp,
     gain_report,
     gains_at,
@@ -24,7 +26,7 @@ from slip_vic_controller.law.gains import (
     slow_down,
 )
 from slip_vic_controller.params.controller_params import ControllerParams
-from test.support.call import call
+from test.support.call import blank, call
 
 MS = 1_000_000
 
@@ -172,3 +174,22 @@ def test_unknown_lag_bounds_k_s() -> None:
     accepted = gain_report(params).accepted
     assert accepted == pytest.approx(slip_gain_limit(1e-3, latency_s=UNKNOWN_LAG * params.drive_lag_s) / 2.0)
     assert gain_report(params.model_copy(update={"slip_estimator": "measured"})).accepted < 0.5 * accepted
+
+
+@pytest.mark.parametrize(
+    ("classical", "excursion", "fades", "length", "spin"),
+    [
+        (False, math.inf, [1.0] * 6, 1.0, math.inf), (False, 0.1, [1.0] * 3 + [0.0] * 3, 2.0, 0.4),
+        (True, 0.1, [0.0] * 6, 2.0, 0.4),
+    ],
+)  # fmt: skip
+def test_gains_of_each_kind_of_law(
+    classical: bool, excursion: float, fades: list[float], length: float, spin: float
+) -> None:
+    gains = blank(Gains)
+    gains.K_D[:], gains.M_D[:], gains.gamma_k[:], gains.gamma_d[:] = [1.0, 1.0, 1.0, 2.0, 12.0, 8.0], 2.0, 1.0, 1.0
+    gains.alpha, gains.k_s, gains.characteristic_length = 50.0, 9.0, 2.0
+    call(adapt, gains, classical, excursion, np.array([1.0, 1.0, 0.0, 0.0, 1.0, 1.0]), 7.0)
+    assert gains.gamma_k.tolist() == gains.gamma_d.tolist() == fades
+    assert (gains.alpha, gains.k_s, gains.characteristic_length) == (0.0 if classical else 50.0, 7.0, length)
+    assert gains.spin_limit == pytest.approx(spin)

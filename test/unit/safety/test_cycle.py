@@ -203,7 +203,8 @@ def test_kappa_bounded_by_delay() -> None:
 
 def test_a_cycle_without_faults_counts_none() -> None:
     made_up = MadeUp()
-    made_up.cycle()
+    assert made_up.cycle(slip=None).reason == "waits for slip of contact 0"
+    assert made_up.cycle().mode.follows
     assert made_up.session.counts() == {}
 
 
