@@ -22,7 +22,7 @@ KINDS = {
     "quintic": {"duration_s": 2.0, "displacement": (0.4, 0.3, -0.1), "rotation": (0.2, -0.5, 0.8)},
     "waypoints": {"duration_s": 3.0, "waypoints": WAYPOINTS},
     "circle": {"duration_s": 6.0, "period_s": 3.0, "radius": 0.15, "plane": "yz", "rotation": (0.0, 0.1, 0.4)},
-    "lemniscate": {"duration_s": 6.0, "period_s": 3.0, "radius": 0.2, "rotation": (0.0, 0.0, 0.3)},
+    "lemniscate": {"duration_s": 6.0, "ramp_s": 0.8, "period_s": 3.0, "radius": 0.2, "rotation": (0.0, 0.0, 0.3)},
 }
 START = (np.array([0.5, -0.2, 0.3]), exponential(np.array([0.3, 2.0, -1.0])))
 
