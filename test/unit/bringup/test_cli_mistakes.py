@@ -16,8 +16,6 @@ MISTAKES = {
     "unknown parameter": (["--set", "controller.gains.ks=1"], ["controller.gains.ks", "controller.gains.k_s"]),
     "unknown shared parameter": (["--set", "object.mas=1"], ["object.mas", "object.mass"]),
     "no value": (["--set", "object.mass"], ["key=value"]),
-    "wrong type": (["--set", "object.mass=heavy"], ["object.mass", "heavy"]),
-    "not finite": (["--set", "object.mass=.nan"], ["object.mass", "nan"]),
     "domain out of range": (["--domain-id", "500"], ["ROS_DOMAIN_ID", "500"]),
     "namespace that ROS refuses": (["--namespace", "a b"], ["--namespace a b", "letters, digits"]),
     "controller unknown": (["--law", "pid"], ["pid", "did you mean printed"]),

@@ -101,6 +101,16 @@ def test_sample_is_bayes_rule_at_its_stamp() -> None:
     assert np.min(states[1].sticks) == 0.0
 
 
+def test_shares_of_friction_alone_count() -> None:
+    one, other = blank(Belief), blank(Belief)
+    for of, state in ((1.0, one), (3.0, other)):
+        call(start_belief, state, 0.3 * of, F * of)
+        for load in np.linspace(0.3, 0.9, 40):
+            call(see_load, state, of * np.array([min(load, K * 0.6), 0, 0, 0, 0, 0]), load * of, F * of, 5.0 * DT)
+    np.testing.assert_allclose(other.slides, one.slides, rtol=1e-6, atol=1e-12)
+    assert sliding(one) > 0.5
+
+
 def test_noise_is_found() -> None:
     state, rng, raw = belief(), np.random.default_rng(2), 0.05
     for _ in range(3000):

@@ -66,13 +66,6 @@ def test_losses_that_chance_does_not_explain(count: int, found: bool) -> None:
     assert worse(now, before) == []
 
 
-def test_holding_everything_is_worse() -> None:
-    before = [row(k, outcome="lost" if k < 50 else "ok", off=math.nan if k < 50 else 0.0) for k in range(100)]
-    now = [row(k, outcome="held", off=math.nan) for k in range(100)]
-    (line,) = worse(before, now)
-    assert "not carried" in line
-
-
 @pytest.mark.parametrize(("slip", "count", "found"), [(2.9e-4, 100, False), (3.1e-4, 5, False), (3.1e-4, 6, True)])
 def test_slip_path_that_grows_in_many_worlds(slip: float, count: int, found: bool) -> None:
     before = [row(k) for k in range(100)]
