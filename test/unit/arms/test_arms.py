@@ -14,7 +14,6 @@ from slip_sim_bridge.session import internal_wrenches
 from slip_vic.run.in_process import ClosedLoop, Tick, run_in_process
 from slip_vic.scenarios.scenario import LAWS, Scenario, load
 from slip_vic_controller.config.controller import Controller
-from slip_vic_controller.law.bounds import internal_gain_limit
 from slip_vic_controller.safety.conditions import Mode, Request
 
 UPRIGHT, FLAT = "pane_two_arms_upright", "pane_two_arms_flat"
@@ -174,7 +173,7 @@ def test_late_wrenches_lower_kappa() -> None:
     late = ("bridge.sensors.wrench.latency_s=0.008",)
     loop = ClosedLoop(load(UPRIGHT, law="vic", set=late))
     record = list(ticks(loop, 60))[-1].results[0].record
-    assert record.gains.gains.kappa == pytest.approx(internal_gain_limit(0.4, 1.0e4, 0.009))
+    assert record.gains.gains.kappa == pytest.approx(0.38 * 0.4 / (1.0e4 * 0.009**2))
     assert record.gains.gains.kappa < 0.2
 
 

@@ -12,6 +12,7 @@ from slip_vic_controller.law.bounds import (
     check,
     delay_margin,
     held_sample_limit,
+    internal_gain_limit,
     judge_gains,
     judge_stiffness,
     slip_gain_limit,
@@ -43,6 +44,7 @@ def test_the_first_root_leaves_at_the_limit() -> None:
 def test_many_short_samples_approach_the_continuous_bound() -> None:
     tau = 0.05
     assert abs(slip_gain_limit(1e-5, 0.0, tau) * tau / (math.pi / 2.0) - 1.0) < 1e-3
+    assert internal_gain_limit(0.5, 2e4, tau) == pytest.approx(0.38 * 0.5 / (2e4 * tau * tau))
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,6 @@ from slip_core.records import new, record
 from slip_core.types import CartesianReference, JointSample, WrenchSample
 from slip_vic_controller.cycle.cycle import cycle
 from slip_vic_controller.cycle.sensing import limit_internal_gain
-from slip_vic_controller.law.bounds import internal_gain_limit
 from slip_vic_controller.safety.conditions import Mode, Reason
 from slip_vic_controller.session.cycle_result import Health
 from slip_vic_controller.state import ARM_STATE, CONFIG, OUTPUTS
@@ -197,7 +196,7 @@ def test_kappa_bounded_by_delay() -> None:
         for k in range(2):
             state.wrench_inputs[k].stamp_ns = (9 - late_ms[k]) * MS
         call(limit_internal_gain, config, state, outputs)
-        most = share * internal_gain_limit(1.0, 1e4, lag_s + 1e-3 * (1 + max(late_ms)))
+        most = share * 0.38 / (1e4 * (lag_s + 1e-3 * (1 + max(late_ms))) ** 2)
         assert outputs.gains.gains.kappa == pytest.approx(min(kappa, most))
 
 
