@@ -18,7 +18,8 @@ from typing import Any
 from numba import carray, farray, types
 
 from slip_core.compiled import KERNELS, library_path
-from slip_native.library import BASELINES, OPTIONS, assembly, cc, object_file
+from slip_native.files import CARRIED
+from slip_native.library import BASELINES, OPTIONS, assembly, build, cc, object_file
 from slip_sim_bridge.friction import LAWS, friction_law
 from slip_sim_bridge.friction.params import FrictionParams
 from slip_sim_bridge.plant.elastic_step import elastic_step
@@ -75,7 +76,7 @@ def _entry(symbol: str, name: str, kernel: Any) -> tuple[str, str]:
 
 
 def carry(source: Path) -> None:
-    """Write the libraries of all packages into a copy of this checkout."""
+    """Write the libraries of all packages, and the one of `slip-vic export`, into a copy of this checkout."""
     prepare()
     for name in sorted({*LAWS.values()}):
         law, _ = friction_law(FrictionParams.model_validate({"model": name}))
@@ -83,6 +84,9 @@ def carry(source: Path) -> None:
         elastic_step(law)
     for package, kernels in KERNELS.items():
         build_kernels(source / library_path(package).relative_to(ROOT), kernels)
+    exported = source / "src" / "slip_native" / "slip_native" / CARRIED
+    exported.mkdir()
+    build(exported)
 
 
 def main(folder: str) -> None:

@@ -19,18 +19,19 @@ from numba import cfunc, types
 
 from slip_core.compiler import STRICT
 from slip_core.errors import InputError
+from slip_native.files import SOURCES
 from slip_native.functions import FUNCTIONS
+from slip_native.header import header, words
 
 BASELINES: Final = {"x86_64": "x86-64-v2"}
 """Oldest processor for which a library is made, by architecture; of others this machine's own."""
-SOURCES = resources.files("slip_native")
 OPTIONS: Final = ("-std=c11", "-O2", "-fPIC", "-Wall", "-Wextra")
 _REALS, _WHOLES = types.CPointer(types.float64), types.CPointer(types.int64)
 _TYPES = {"In": _REALS, "Out": _REALS, "Whole": _WHOLES, "int": types.int64, "float": types.float64, "None": types.void}
 
 
 def build(folder: Path, cpu: str = "") -> None:
-    """Write libslip_vic.so and libslip_vic.a into a folder.
+    """Write libslip_vic.so, libslip_vic.a and their headers into a folder.
 
     Args:
         folder: exists.
@@ -39,6 +40,8 @@ def build(folder: Path, cpu: str = "") -> None:
     Raises:
         InputError: there is no C compiler, or LLVM knows no such processor.
     """
+    for name, text in (("slip_vic.h", header()), ("slip_vic_words.h", words())):
+        (folder / name).write_text(text, encoding="utf-8")
     with tempfile.TemporaryDirectory(prefix="slip_vic_export_") as temporary:
         names = [*(function.__name__ for function in FUNCTIONS), "slip_vic_faults", "slip_vic_room_used"]
         # A host process with Python or numba keeps its own symbols.
@@ -46,13 +49,6 @@ def build(folder: Path, cpu: str = "") -> None:
         _call("ar", "rcs", folder / "libslip_vic.a", whole)
         library = folder / "libslip_vic.so"
         cc("-shared", whole, "-o", library, "-lm", "-Wl,--no-undefined", f"-Wl,-soname,{library.name}")
-
-
-def sources() -> dict[str, str]:
-    """Return what is compiled beside the library, by its path in the folder: the example, and the node."""
-    found = {name: SOURCES / "c" / name for name in ("example.c", "CMakeLists.txt")}
-    found |= {f"node/{file.name}": file for file in (SOURCES / "node").iterdir()}
-    return {name: file.read_text(encoding="utf-8") for name, file in found.items()}
 
 
 def cc(*arguments: str | Path) -> None:

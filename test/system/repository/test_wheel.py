@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from slip_native.header import header
 from slip_vic_controller.law.bounds import stiffness_limit
 from slip_vic_controller.law.gains import make_law_gains
 from slip_vic_controller.params.controller_params import ControllerParams
@@ -83,24 +84,24 @@ def kernels() -> set[str]:
     return {name for name in compiled() if not name.startswith(NOT_IN_A_RUN)}
 
 
+def imported_by(program: str) -> set[str]:
+    """Return the modules that a program imports."""
+    command = [sys.executable, "-c", f"{program}; import sys; print(*sys.modules)"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=DEADLINE_S)
+    return set(done.stdout.split())
+
+
 def test_preparing_imports_every_module_that_is_compiled() -> None:
-    program = "import sys; from slip_vic.run.prepare import prepare; prepare(); print(*sys.modules)"
-    done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=DEADLINE_S
-    )
     assert len(kernels()) > 5
-    assert kernels() - set(done.stdout.split()) == set()
+    assert kernels() - imported_by("from slip_vic.run.prepare import prepare; prepare()") == set()
 
 
 def test_one_arm_waits_for_nothing_of_two() -> None:
     imports = "import slip_vic.run.demo, slip_vic.run.launcher, slip_vic.replay.verify, slip_vic.page.page"
     nodes = "import slip_vic_controller.node.controller_node, slip_sim_bridge.node"
-    program = f"import sys; {imports}; {nodes}; print(*sys.modules)"
-    done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=DEADLINE_S
-    )
-    assert "slip_vic.scenarios.scenario" in done.stdout.split()
-    assert [name for name in done.stdout.split() if name.startswith(NOT_IN_A_RUN) and name in compiled()] == []
+    found = imported_by(f"{imports}; {nodes}")
+    assert "slip_vic.scenarios.scenario" in found
+    assert [name for name in found & compiled() if name.startswith(NOT_IN_A_RUN)] == []
 
 
 def test_kernels_of_a_wheel_refuse_what_numba_refuses(tmp_path: Path) -> None:
@@ -125,7 +126,6 @@ def test_kernels_of_a_wheel_refuse_what_numba_refuses(tmp_path: Path) -> None:
 
 @pytest.mark.timeout(2 * LIMIT_S)
 def test_the_wheel_runs_where_nothing_else_is(venv: Path, tmp_path: Path) -> None:
-    assert "slip-vic, version" in slip_vic(venv, tmp_path, "--version")
     assert "holds" in slip_vic(venv, tmp_path, "check", "--mismatch", "none")
     site = next((venv / "lib").glob("python*/site-packages"))
     began = time.time()
@@ -136,9 +136,9 @@ def test_the_wheel_runs_where_nothing_else_is(venv: Path, tmp_path: Path) -> Non
         venv, tmp_path, "run", "--set", "bridge.duration_s=1.0", "--record", "bag", hidden=str(hidden)
     )
     assert "identical" in slip_vic(venv, tmp_path, "bag", "verify", "bag", hidden=str(hidden))
+    assert "libslip_vic.so" in slip_vic(venv, tmp_path, "export", "-o", "native", hidden=str(hidden))
+    assert (tmp_path / "native" / "slip_vic.h").read_text() == header()
     # Into the folder of the user, and not beside the installed packages.
-    written = [
-        path for path in site.glob("slip_*/**/*") if path.stat().st_mtime > began and "__pycache__" not in str(path)
-    ]
-    assert [path for path in written if path.is_file()] == []
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["bag", "hidden"]
+    files = [path for path in site.glob("slip_*/**/*") if path.is_file() and "__pycache__" not in path.parts]
+    assert [path for path in files if path.stat().st_mtime > began] == []
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["bag", "hidden", "native"]

@@ -29,18 +29,21 @@ def export(*, choice: Choice, cpu: str, out: Path) -> None:
     """Write the control cycle as a C library: libslip_vic.so and .a, slip_vic.h, an example, and a scenario's numbers.
 
     controller.bin and state.bin are configuration and initial state; run.bin is a run of the scenario that example.c
-    replays bit by bit. node/ is a controller node for one arm in C++, with the same files. Takes about a minute.
+    replays bit by bit. node/ is a controller node for one arm in C++, with the same files. The library comes from the
+    installed wheel; a checkout, and --cpu, compile it in about a minute.
     """
-    from slip_native import library
-    from slip_native.header import header, words
+    from slip_native.files import copy_carried, sources
     from slip_vic.scenarios.parameter_files import write_files
     from slip_vic.scenarios.scenario import load
 
     loaded = load(**choice)
     write_files(out, {})  # an unwritable folder fails here, before the minute of compiling
-    click.echo("compiling the cycle for C, about a minute", err=True)
-    library.build(out, cpu)
-    write_files(out, {"slip_vic.h": header(), "slip_vic_words.h": words(), **library.sources()})
+    if cpu or not copy_carried(out):
+        from slip_native.library import build
+
+        click.echo("compiling the cycle for C, about a minute", err=True)
+        build(out, cpu)
+    write_files(out, sources())
     write_node(loaded, out)
     write_run(loaded, out)
     site = Path(sysconfig.get_path("purelib"))
