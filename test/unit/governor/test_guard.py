@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from slip_core.records import record
@@ -9,6 +10,7 @@ from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load
 from slip_vic_controller.cycle.governing import guard
 from slip_vic_controller.cycle.sensing import held
+from slip_vic_controller.safety.conditions import Reason
 from slip_vic_controller.state import CONFIG, INPUTS, OUTPUTS, ArmCycle
 from test.support.call import call
 
@@ -40,3 +42,10 @@ def test_guard_holds_overrun_slide(drive: str) -> None:
     less, more = (1.5, 0.5) if drive == "torque_joint" else (1.0, 1.0)  # exact drives add nothing
     assert factor(False, False, -0.5 * ceiling) == pytest.approx(less * holds, rel=0.02)
     assert factor(False, False, 0.5 * ceiling) == pytest.approx(more * holds, rel=0.02)
+    # How the pad comes to rest in a HOLD, and the load of before, are no evidence after it.
+    largest = 0.0
+    for k in range(400):
+        state.outside = int(Reason.SECOND_PUBLISHER) if k < 2 else 0
+        loop.bridge.advance([loop.answer(loop.bridge.observe())[0].command])
+        largest = max(largest, float(np.abs(state.pad.evidence.needed).max()) if k > 2 else 0.0)
+    assert largest < 0.4

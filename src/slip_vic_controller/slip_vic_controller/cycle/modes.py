@@ -16,7 +16,7 @@ from slip_core.compiled import part
 from slip_core.vectors import IDENTITY, ZERO, mat, put, put_mat, vec
 from slip_vic_controller.arm.estimator import BLIND_S, remember_input, unseen_ns
 from slip_vic_controller.contact.observer import reset
-from slip_vic_controller.contact.wrench_evidence import Handover, pull
+from slip_vic_controller.contact.wrench_evidence import Handover, pull, start_evidence
 from slip_vic_controller.cycle.governing import follow_goal, governed_reference, guard, pad_now, rest_on_path, yield_to
 from slip_vic_controller.cycle.limit import finish
 from slip_vic_controller.cycle.sensing import arm_of_load, begin_pad, held, pulls
@@ -119,6 +119,7 @@ def leave_hold(c: ArmCycle) -> None:
         rest_on_path(c, not waited)
     state.hold.known = 0
     forget(state.observed)
+    start_evidence(state.pad.evidence)  # how the pad has moved since then is unknown
     if config.has_observer != 0:
         reset(config.observer, state.observer, state.joint.answers.stamp_ns, c.inputs.arm.twist)
 
