@@ -228,8 +228,8 @@ def watch(namespace: str, domain_id: int | None, port: int) -> None:
     click.echo(f"http://127.0.0.1:{audience.port}/  (Ctrl-C ends)")
     try:
         here = "a run of slip-vic" if domain in runs else "joint_states and robot_description"
-        click.echo(f"watching ROS domain {domain} for {here}", err=True)
         with StopFlag() as stop, ros_node("slip_vic_watch", domain=domain) as node:
+            click.echo(f"watching ROS domain {domain} for {here}", err=True)
             run_watch(node, audience, namespace, stop)
     finally:
         audience.close()
