@@ -21,6 +21,8 @@ def sources() -> dict[str, str]:
 def copy_carried(folder: Path) -> bool:
     """Copy library and headers that a wheel carries into a folder; return whether there are any."""
     found = SOURCES / CARRIED
-    for file in found.iterdir() if found.is_dir() else ():
+    if not found.is_dir():
+        return False
+    for file in found.iterdir():
         (folder / file.name).write_bytes(file.read_bytes())
-    return found.is_dir()
+    return True

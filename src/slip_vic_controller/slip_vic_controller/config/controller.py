@@ -277,8 +277,8 @@ def _fill_governor(governor: GovernorConfig, params: ControllerParams) -> None:
     governor.most_speed, governor.most_turning = limits.speed_linear, limits.speed_angular
     governor.most_grip = params.grip.cap / params.grip.nominal_force if params.grip.control == "follow" else 1.0
     governor.window = min(max(1, round(given.window_s / params.control_period_s)), ROOM)
-    # Several arms without a common path pull the object apart, and no way is left to brake in.
     governor.disturbed = int(params.estimates_joints and params.command.interface == "effort")
+    # Several arms without a common path pull the object apart, and no way is left to brake in.
     governor.led = int(len(params.contacts.position) == 3)
     estimate = governor.friction
     copy_fields(estimate, given)

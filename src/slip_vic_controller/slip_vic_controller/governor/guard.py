@@ -52,8 +52,8 @@ def hold_back(
 ) -> float:
     """Return the guard's factor on a_C, and store the commanded feedback and load.
 
-    What drives add to the command, as friction of joints that nothing compensates, is load too: an arm that was held
-    back to what friction carries without it would give way to it for ever.
+    What drives add to the command, such as joint friction that nothing compensates, is load too. Without it, an arm
+    that is held back would keep giving way to it.
 
     Args:
         config: GOVERNOR_CONFIG.
@@ -64,7 +64,7 @@ def hold_back(
         a_C, a_d: control acceleration of the law, and the reference's in it {w}.
         slides: whether the object slides; then the factor is 1.
 
-    Implements: ours: the load of the commanded acceleration and of what comes beyond it never exceeds F^ unless it
+    Implements: ours: the load of the commanded acceleration and of what drives add never exceeds F^ unless it
     slides.
     """
     l_a = drawn(held, R_ee, a_C)
@@ -74,7 +74,8 @@ def hold_back(
         rest = l_0 + spatial(pad.evidence.added) if config.disturbed != 0 else l_0
         alone = size(rest)  # an object that holds shows that the limit is wrong, and one that slides needs no guard
         k = guard_factor(l_a, rest, ceiling if alone <= ceiling else BRAKES * alone)
-    put_spatial(pad.drawn, k * l_a + l_0)
-    pad.guard, pad.commanded = k, size(spatial(pad.drawn))
+    commanded = k * l_a + l_0
+    put_spatial(pad.drawn, commanded)
+    pad.guard, pad.commanded = k, size(commanded)
     put_spatial(pad.feedback, a_C - a_d)
     return k

@@ -39,7 +39,7 @@ class GovernorConfig(Record):
     most_turning: Real  # rad/s
     preview_s: Real  # s, how much later a stream is followed
     window: Whole  # cycles of the moving average
-    disturbed: Whole  # whether joints move otherwise than commanded: drives that take efforts, and have errors
+    disturbed: Whole  # whether drives add to commanded efforts: they have errors, and no loop of their own
     led: Whole  # whether an object that slips leads the path; several arms keep to it
     friction: FrictionConfig
 
