@@ -24,8 +24,7 @@ from slip_vic_controller.config.noise import fill_threshold
 from slip_vic_controller.config.observer import TUNING, capacity, observer_config, slip_count
 from slip_vic_controller.contact.friction_estimate import Friction
 from slip_vic_controller.contact.observer import OBSERVER_CONFIG, ROW_SIZE
-from slip_vic_controller.contact.wrench_evidence import Handover
-from slip_vic_controller.governor.grip import SINKS_S
+from slip_vic_controller.governor.grip import SINKS_S, Handover
 from slip_vic_controller.governor.layouts import GovernorConfig
 from slip_vic_controller.governor.plan import Governing
 from slip_vic_controller.interfaces import fill_wrench_sensor

@@ -24,7 +24,6 @@ full. Loads below LEAST_FRICTION F are not judged: there a bias of the wrench ma
 from __future__ import annotations
 
 import math
-from enum import IntEnum, unique
 from typing import Final
 
 from slip_core.compiled import part
@@ -42,15 +41,6 @@ SCATTERS: Final = 0.1
 LACKS_S: Final = 0.01
 """Sum that counts as slip [s]: a lack of 20 % for 0.1 s, of 50 % for 25 ms. Half of it finds a slip 60 ms earlier, with
 false alarms in 1 of 10 runs."""
-
-
-@unique
-class Handover(IntEnum):
-    """Reaction to a hand that pulls at the object."""
-
-    HOLD = 0
-    FOLLOW = 1
-    OPEN = 2
 
 
 class WrenchEvidence(Record):

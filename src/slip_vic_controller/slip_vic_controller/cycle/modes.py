@@ -16,11 +16,12 @@ from slip_core.compiled import part
 from slip_core.vectors import IDENTITY, ZERO, mat, put, put_mat, vec
 from slip_vic_controller.arm.estimator import BLIND_S, remember_input, unseen_ns
 from slip_vic_controller.contact.observer import reset
-from slip_vic_controller.contact.wrench_evidence import Handover, pull, start_evidence
+from slip_vic_controller.contact.wrench_evidence import pull, start_evidence
 from slip_vic_controller.cycle.governing import follow_goal, governed_reference, guard, pad_now, rest_on_path, yield_to
 from slip_vic_controller.cycle.limit import finish
 from slip_vic_controller.cycle.sensing import arm_of_load, begin_pad, held, pulls
 from slip_vic_controller.governor.governor import discard_plan, start_governor
+from slip_vic_controller.governor.grip import Handover
 from slip_vic_controller.governor.plan import Governing
 from slip_vic_controller.law.contact import pad_rotation
 from slip_vic_controller.law.law import evaluate, finite_pose, scale_acceleration

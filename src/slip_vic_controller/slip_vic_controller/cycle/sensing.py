@@ -25,9 +25,9 @@ from slip_vic_controller.contact.friction_estimate import (
 )
 from slip_vic_controller.contact.observer import Motion, observe
 from slip_vic_controller.contact.slip_health import DIFFERS, add_reading, judge_health
-from slip_vic_controller.contact.wrench_evidence import Handover, lacks_load, take_in
+from slip_vic_controller.contact.wrench_evidence import lacks_load, take_in
 from slip_vic_controller.governor import governor
-from slip_vic_controller.governor.grip import load_ahead, load_to_hold, squeeze
+from slip_vic_controller.governor.grip import Handover, load_ahead, load_to_hold, squeeze
 from slip_vic_controller.governor.load import ALONE, Held, load, size, weight
 from slip_vic_controller.governor.plan import Governing
 from slip_vic_controller.interfaces import wrench_at_pad

@@ -11,6 +11,7 @@ modelled by a first-order lag and its smallest force for a command.
 from __future__ import annotations
 
 import math
+from enum import IntEnum, unique
 from typing import Final
 
 from slip_core.compiled import part
@@ -21,6 +22,15 @@ from slip_vic_controller.governor.plan import GRID_POINTS, GridPoint
 SINKS_S: Final = 0.02
 """Time constant with which the command falls to what the load needs, or grows in a slip; also the preview of the load
 beyond the gripper's lag [s]."""
+
+
+@unique
+class Handover(IntEnum):
+    """Reaction to a hand that pulls at the object."""
+
+    HOLD = 0
+    FOLLOW = 1
+    OPEN = 2
 
 
 class GripConfig(Record):
