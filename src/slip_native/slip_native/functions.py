@@ -12,7 +12,7 @@ from slip_core.arrays import Array
 from slip_core.records import POSE, record
 from slip_vic_controller.config.noise import use_tare
 from slip_vic_controller.contact.observer import ROW_SIZE
-from slip_vic_controller.cycle.cycle import cycle, describe
+from slip_vic_controller.cycle.cycle import cycle
 from slip_vic_controller.interfaces import mean_velocity
 from slip_vic_controller.law.arm import ARM, gather
 from slip_vic_controller.law.bounds import stiffness_limit
@@ -27,6 +27,7 @@ from slip_vic_controller.session.arrival import (
     receive_slip,
     receive_wrench,
 )
+from slip_vic_controller.session.describe import describe
 from slip_vic_controller.state import ARM_SIZE, CONFIG, CONFIG_SIZE, INPUTS_SIZE, OUTPUTS_SIZE, TASK_SIZE
 
 In = Array

@@ -16,10 +16,10 @@ from slip_vic_controller.safety.conditions import (
     Why,
     because,
     first,
-    forget_conditions,
     see,
 )
 from slip_vic_controller.session.words import describe, reason_fields
+from slip_vic_controller.sizes import NEVER
 from slip_vic_controller.state import ARM_STATE, CONFIG
 from test.support.call import call
 
@@ -33,7 +33,7 @@ class Table:
     def __init__(self) -> None:
         self.config = record(new(CONFIG), CONFIG).conditions
         self.rows = record(new(ARM_STATE), ARM_STATE).conditions
-        forget_conditions(self.rows)
+        self.rows["since_ns"] = NEVER
 
     def see(self, why: Why, so: bool, now_ns: int) -> None:
         call(see, self.rows, why, so, now_ns)

@@ -19,7 +19,6 @@ from slip_vic_controller.safety.conditions import (
     Mode,
     Reason,
     Why,
-    forget_conditions,
     put_why,
 )
 from slip_vic_controller.session.words import describe
@@ -72,7 +71,7 @@ class Judge:
         self.task = record(self.buffer[:TASK_SIZE], TASK_STATE)
         self.state = record(self.buffer[TASK_SIZE:][:ARM_SIZE], ARM_STATE)
         self.limits = record(self.config, CONFIG).conditions
-        forget_conditions(self.state.conditions)
+        self.state.conditions["since_ns"] = NEVER
         self.state.tare.done = 1
         self.names = self.controller.first.robot.joint_names
 
@@ -87,7 +86,7 @@ class Judge:
     def judge(self, memory: Memory, health=GOOD, q=POSITION, qd=STILL, now_ns: int = NOW_NS) -> Verdict:
         s, m, rows = self.state, memory, self.state.conditions
         s.now_ns, s.mode.mode = m.now_ns, m.mode
-        forget_conditions(rows)
+        rows["since_ns"] = NEVER
         times = dict.fromkeys(SLIP, m.slip_unknown_ns)
         times |= {Reason.TOO_FAST: m.too_fast_ns, Reason.STOPPING: m.stopping_ns}
         for reason, since_ns in times.items():

@@ -35,7 +35,7 @@ from slip_vic_controller.law.gains import LAW_GAINS, UNKNOWN_LAG, gain_report, i
 from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.path.paths import PATH, make_path
 from slip_vic_controller.robot import Robot
-from slip_vic_controller.safety.conditions import Missing, Reason, forget_conditions
+from slip_vic_controller.safety.conditions import Missing, Reason
 from slip_vic_controller.safety.hold import fill_hold
 from slip_vic_controller.safety.limits import LONGEST_STEP_S
 from slip_vic_controller.safety.validation import ACCEPT_AFTER, SLACK
@@ -133,7 +133,8 @@ class Controller:
         for row, arm in zip(rows, self.arms.values(), strict=True):
             row.mode.enabled, row.mode.good_since_ns = record(arm.config, CONFIG).conditions.auto_enable, NEVER
             row.mode.reason.reason, row.mode.reason.which = Reason.WAITS, Missing.JOINT_STATES
-            forget_conditions(row.conditions)
+            for condition in row.conditions:
+                condition.since_ns = NEVER
             for slip in row.law.slips:
                 slip.rotation[:] = np.eye(3)
             row.tare.begun_ns = row.tare.wrench_ns = NEVER

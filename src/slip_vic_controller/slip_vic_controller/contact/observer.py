@@ -327,24 +327,6 @@ def begin_stick(config: ObserverConfig, state: Observer) -> None:
 
 
 @part
-def restart_from_sample(config: ObserverConfig, state: Observer, rows: Records[Row], first: int) -> None:
-    """Restart from the sample of row `first`: the uncertainty of the model's errors is reset.
-
-    A filter that is certain of a wrong model treats every sample as an outlier, and would never recover.
-    """
-    state.against = 0
-    for _ in range(first):
-        drop_oldest(state, rows)
-    row = row_at(state, rows, 0)
-    for i in range(6):
-        if config.axes[i]:
-            z, R, band = read_part(config, row, i)
-            put_velocity(row.axes[i], z, R + band * band)
-            forget_errors(row.axes[i], config.prior_P_bb[i], config.prior_P_cc[i])
-    rerun(config, state, rows, row.axes, 1)
-
-
-@part
 def observe_slip(
     config: ObserverConfig, state: Observer, rows: Records[Row], samples: Records[StampedSlip], count: int
 ) -> None:
@@ -353,8 +335,10 @@ def observe_slip(
     rerun(config, state, rows, row_at(state, rows, first - 1).axes, first)
     if count > 0:
         state.against = state.against + 1 if row_at(state, rows, first).contradicts else 0
-    if state.against == CONTRADICTIONS:  # then the model is wrong, and they are no outliers
-        restart_from_sample(config, state, rows, first)
+    if state.against == CONTRADICTIONS:  # a model that is wrong, and certain, would take every sample for an outlier
+        sample = row_at(state, rows, first)
+        state.sample_mean[:] = sample.reads / sample.samples
+        begin_slip_of_samples(config, state, rows)
     state.significance = slip_significance(config, state)
     at_rest = is_confirmed(config, state, row_at(state, rows, state.rows - 1)) and state.significance < config.nis_stick
     state.quiet = state.quiet + 1 if at_rest else 0
@@ -436,9 +420,9 @@ def begin_slip_of_model(config: ObserverConfig, state: Observer, rows: Records[R
 
 @part
 def begin_slip_of_samples(config: ObserverConfig, state: Observer, rows: Records[Row]) -> None:
-    """Start slip from the samples: the model has missed it, so the uncertainty of its errors is reset. This tick's row
-    stays."""
-    state.sliding = 1
+    """Let slip begin with the mean of the samples: the model is wrong, so the uncertainty of its errors is reset. This
+    tick's row stays."""
+    state.sliding, state.against = 1, 0
     while state.rows > 1:
         drop_oldest(state, rows)
     row = row_at(state, rows, 0)

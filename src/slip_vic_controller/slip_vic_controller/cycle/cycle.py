@@ -19,7 +19,7 @@ here raises, waits, reads a clock or keeps anything elsewhere. The steps, in the
 from __future__ import annotations
 
 from slip_core.arrays import Array
-from slip_core.compiled import IN1, INT, OUT1, VOID, kernel, part
+from slip_core.compiled import IN1, INT, OUT1, kernel, part
 from slip_core.records import record, records
 from slip_vic_controller.contact.observer import ROW_SIZE
 from slip_vic_controller.cycle.deciding import decide, put_time, slows
@@ -27,7 +27,6 @@ from slip_vic_controller.cycle.governing import put_governed, screen, step_on_pa
 from slip_vic_controller.cycle.modes import fail, follow, hold, leave_hold
 from slip_vic_controller.cycle.sensing import agree_on_friction, sense
 from slip_vic_controller.governor.plan import Governing
-from slip_vic_controller.law.symbols import SYMBOLS, no_symbols, symbols
 from slip_vic_controller.path.paths import advance, lost_ns, relative
 from slip_vic_controller.safety.conditions import Reason, Request, because, follows, next_mode
 from slip_vic_controller.sizes import NEVER
@@ -198,21 +197,3 @@ def cycle(config_buffer: Array, state_buffer: Array, exchange: Array) -> int:
     if holds:
         screen(configs[0], task, False)
     return answered
-
-
-@kernel(VOID, IN1, IN1, IN1, OUT1)
-def describe(config_buffer: Array, inputs_buffer: Array, outputs_buffer: Array, symbols_buffer: Array) -> None:
-    """Fill the SYMBOLS of an arm's cycle, when something looks at them.
-
-    Args:
-        config_buffer, inputs_buffer, outputs_buffer: CONFIG, INPUTS, OUTPUTS of the arm, after `cycle`.
-        symbols_buffer: SYMBOLS.
-    """
-    config, out = record(config_buffer, CONFIG), record(symbols_buffer, SYMBOLS)
-    inputs, outputs = record(inputs_buffer, INPUTS), record(outputs_buffer, OUTPUTS)
-    no_symbols(outputs.effort, outputs.saturated, symbols_buffer)
-    if outputs.ok != 0:
-        law, sliding = outputs.law, outputs.sliding
-        symbols(config.law, outputs.gains, inputs.arm, outputs.slips, outputs.reference, law, sliding, out)
-        for j in range(config.law.joints):
-            out.effort[j], out.saturated[j] = outputs.effort[j], outputs.saturated[j]

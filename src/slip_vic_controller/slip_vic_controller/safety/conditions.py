@@ -264,12 +264,6 @@ def see(rows: Records[Condition], why: Why, so: bool, now_ns: int) -> None:
     put_why(row.why, why)
 
 
-def forget_conditions(rows: Records[Condition]) -> None:
-    """Begin: nothing is so."""
-    for row in rows:
-        row.since_ns = NEVER
-
-
 @part
 def see_one_of(rows: Records[Condition], first_row: int, last_row: int, why: Why, now_ns: int) -> None:
     """Take down which of neighbouring rows is so: that of `why`, and no other."""

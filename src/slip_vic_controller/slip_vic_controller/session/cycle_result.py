@@ -13,9 +13,9 @@ from slip_core.arrays import Array, readonly
 from slip_core.records import new, place, record
 from slip_core.types import Incident, JointCommand, JointSample
 from slip_vic_controller.config.controller import ArmController
-from slip_vic_controller.cycle.cycle import describe as describe_cycle
 from slip_vic_controller.law.symbols import SYMBOLS, published
 from slip_vic_controller.safety.conditions import Mode, Reason
+from slip_vic_controller.session.describe import describe as describe_cycle
 from slip_vic_controller.session.words import describe, reason_fields
 from slip_vic_controller.state import GOVERNED, INPUTS, OUTPUTS
 
