@@ -59,7 +59,50 @@ def _lasting(seconds: float) -> str:
     return f"bridge.duration_s={seconds}"
 
 
+def _slow(seconds: float) -> tuple[str, ...]:
+    """Return assignments for a control rate of 250 Hz, so that a run has few cycles."""
+    return _lasting(seconds), "bridge.control_period_s=0.004", "controller.control_period_s=0.004"
+
+
 REFERENCES: Final = (
+    Reference(
+        "grip_follows", "paper_planar", "governed_follow",
+        "A gripper that squeezes as little as it can, and friction that falls to half on the way.",
+        (*_slow(1.6), "bridge.friction.falls_at_s=1.0", "bridge.friction.falls_to=0.5"),
+        "vision_60", "velocity_500",
+    ),
+    Reference(
+        "tare_pushed", "glass_transport", "governed", "Something pushes a joint during the tare: FAULT.",
+        (*_slow(0.3), "bridge.push.effort=[0,0,0,20,0,0,0]"), "optical_flow_120", "torque_joint",
+    ),
+    Reference(
+        "flag_waypoints", "vertical_plane", "vic",
+        "Waypoints, angles as roll, pitch and yaw, and a sensor that says no more than that it slips.",
+        (
+            *_slow(0.8), "bridge.friction.mu_s=0.45", "bridge.friction.mu_k=0.4", "bridge.slip_input=flag",
+            "controller.slip_input=flag", "controller.slip_estimator=measured", "controller.attitude=rpy",
+            "controller.trajectory.kind=waypoints", "controller.trajectory.duration_s=0.6",
+            "controller.trajectory.waypoints=[0.05,0,0,0,0,0.2,0.05,0.05,0,0,0,0]",
+        ),
+    ),
+    Reference(
+        "unknown_lemniscate", "paper_planar", "governed",
+        "A lemniscate, never faster than given, with a friction that has to be found.",
+        (
+            *_slow(1.2), "controller.governor.friction=unknown", "controller.governor.mode=slow_down",
+            "controller.trajectory.kind=lemniscate",
+        ),
+        "force_tactile_500",
+    ),
+    Reference(
+        "lifted_chips", "paper_planar", "governed",
+        "A slip sensor that reads zero, and less friction than configured: the wrench shows the slip.",
+        (
+            *_slow(1.6), "bridge.friction.mu_s=0.3", "bridge.friction.mu_k=0.25",
+            "bridge.sensors.slip.faults.lifted_chips=3",
+        ),
+        "vision_60", "motor_current",
+    ),
     Reference(
         "paper_planar_classical", "paper_planar", "classical",
         "Classical impedance control: the arm keeps its path, and the object slips.", (_lasting(1.0),),
