@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +26,7 @@ def test_one_bag_per_reference() -> None:
 
 
 @pytest.mark.parametrize("reference", REFERENCES, ids=lambda reference: reference.name)
-def test_reference_bag(reference: Reference) -> None:
+def test_a_replay_gives_the_same_commands(reference: Reference) -> None:
     folder = BAGS / reference.name
     assert sum(path.stat().st_size for path in folder.iterdir()) < LARGEST_BYTES
     bag = Bag(folder)
@@ -34,6 +35,15 @@ def test_reference_bag(reference: Reference) -> None:
     rows = (BAGS / "README.md").read_text().splitlines()
     row = next(line for line in rows if line.startswith(f"| `{reference.name}`"))
     assert f"`{reference.command()}`" in row
+
+
+def test_another_squeeze_is_found() -> None:
+    run = read_run(Bag(BAGS / "grip_follows"))[""]
+    squeezes = list(run.squeezes)
+    squeezes[100] = np.nextafter(squeezes[100], 0.0)
+    verdict = verify_run({"": replace(run, squeezes=tuple(squeezes))})
+    assert verdict.different == 1
+    assert "grip_command: recorded" in verdict.text()
 
 
 @pytest.mark.parametrize("reference", REFERENCES, ids=lambda reference: reference.name)

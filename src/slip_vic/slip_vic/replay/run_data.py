@@ -77,7 +77,7 @@ class RecordedRun:
 
     changes: all parameters after each change between the ledger entry with this index and the one before.
     joints, wrenches, slips: by stamp [ns], the last two per contact. commands: per ledger entry, (n,) or (0,).
-    given: references or goals in their order.
+    given: references or goals in their order. squeezes: per ledger entry [N]; none where the grip is not commanded.
     """
 
     params: ControllerParams
@@ -89,6 +89,7 @@ class RecordedRun:
     slips: tuple[dict[int, SlipSample], ...]
     commands: tuple[NDArray[np.float64], ...]
     given: tuple[CartesianReference | PoseGoal, ...] = ()
+    squeezes: tuple[float, ...] = ()
 
 
 def read_run(bag: Bag) -> dict[str, RecordedRun]:
@@ -115,9 +116,9 @@ def _read_arm(bag: Bag, root: str, name: str, names: tuple[str, ...], params: Co
     contacts += [prefix + contact_topic("", index) for index in range(len(arms), count)]
     ledger = _complete(bag, prefix + LEDGER, partial(_entry, contacts=count))
     times_ns = np.array([entry.publish_time_ns for entry in ledger])
-    commands = _complete(
-        bag, f"{prefix}{interface}_command", partial(joint_command, joints=joints, interface=interface)
-    )
+    topic, squeeze = f"{prefix}{interface}_command", f"{prefix}grip_command"
+    commands = _complete(bag, topic, partial(joint_command, joints=joints, interface=interface))
+    squeezes = _complete(bag, squeeze, attrgetter("data")) if params.grip.control == "follow" else []
     return RecordedRun(
         params=params,
         changes=_changes(bag, f"{root}{NODE}", f"{name}." if name else "", params, times_ns),
@@ -126,8 +127,9 @@ def _read_arm(bag: Bag, root: str, name: str, names: tuple[str, ...], params: Co
         joints=_samples(bag, f"{prefix}joint_states", partial(joint_sample, joints=joints)),
         wrenches=tuple(_wrenches(bag, f"{contact}wrench", params) for contact in contacts),
         slips=tuple(_slips(bag, contact, params) for contact in contacts),
-        commands=_commands(commands, times_ns, interface),
+        commands=tuple(command.numbers for command in _of_cycles(commands, times_ns, topic)),
         given=_given(bag, root + GIVEN, params),
+        squeezes=_of_cycles(squeezes, times_ns, squeeze) if squeezes else (),
     )
 
 
@@ -251,11 +253,9 @@ def _slips(bag: Bag, prefix: str, params: ControllerParams) -> dict[int, SlipSam
     return _samples(bag, f"{prefix}slip_velocity", lambda message: slip_velocity(message, message.header.frame_id))
 
 
-def _commands(
-    commands: Sequence[BagMessage], ledger: NDArray[np.int64], interface: str
-) -> tuple[NDArray[np.float64], ...]:
+def _of_cycles(commands: Sequence[BagMessage], ledger: NDArray[np.int64], topic: str) -> tuple[Any, ...]:
     """Pair every ledger entry with the command published just before it, by the publisher's own clock."""
     found = np.searchsorted([one.publish_time_ns for one in commands], ledger, side="right") - 1
     if (found < 0).any() or (np.diff(found) < 1).any():
-        raise InputError(f"{interface}_command", got="fewer messages than cycles", expected="one per ledger entry")
-    return tuple(commands[index].value.numbers for index in found)
+        raise InputError(topic, got="fewer messages than cycles", expected="one per ledger entry")
+    return tuple(commands[index].value for index in found)

@@ -26,7 +26,7 @@ class Comparison(NamedTuple):
 
     cycles: int
     numbers: int
-    kind: str  # of them: efforts, velocities or positions
+    kind: str  # of them: efforts, velocities or positions, and squeezes
     different: int
     first: str
 
@@ -50,8 +50,10 @@ def verify_run(runs: Mapping[str, RecordedRun]) -> Comparison:
     """
     commands = [command for run in runs.values() for command in run.commands]
     kind = KINDS[next(iter(runs.values())).params.command.interface]
+    squeezes = sum(len(run.squeezes) for run in runs.values())
     found = list(filter(None, _replay(runs)))
-    return Comparison(len(commands), sum(map(len, commands)), kind, len(found), next(iter(found), ""))
+    kind += " and squeezes" if squeezes else ""
+    return Comparison(len(commands), sum(map(len, commands)) + squeezes, kind, len(found), next(iter(found), ""))
 
 
 def other_software(recorded: Mapping[str, str]) -> list[str]:
@@ -65,7 +67,7 @@ def other_software(recorded: Mapping[str, str]) -> list[str]:
 
 
 def _replay(runs: Mapping[str, RecordedRun]) -> Iterator[str]:
-    """Yield per cycle of each arm what differs first, nothing where command and mode are as recorded to the last bit.
+    """Yield per cycle of each arm what differs first, nothing where commands and mode are as recorded to the last bit.
 
     The ledger gives the inputs, clock, verdicts and requests of every cycle; the rest is code.
     """
@@ -195,12 +197,15 @@ def _find(entry: LedgerEntry, samples: Mapping[int, Sample], stamp_ns: int, topi
 def _difference(arm: _Arm, entry: LedgerEntry, result: CycleResult) -> str:
     """Return the first number of the cycle before the arm's next one that is not the recorded one, with its place."""
     recorded, replayed, params = arm.run.commands[arm.at - 1], result.numbers, arm.run.params
+    squeeze = arm.run.squeezes[arm.at - 1] if arm.run.squeezes else result.grip
     topic = f"{params.command.interface}_command"
     pair: tuple[float, float]
     if recorded.shape != replayed.shape:
         where, pair = f"{topic}, numbers", (len(recorded), len(replayed))
     elif len(differs := np.flatnonzero(recorded.view(np.int64) != replayed.view(np.int64))):  # the bits: NaN, -0.0
         where, pair = f"{topic}, {params.joint_names[differs[0]]}", (recorded[differs[0]], replayed[differs[0]])
+    elif squeeze != result.grip:
+        where, pair = "grip_command", (squeeze, result.grip)
     elif entry.mode != result.mode:
         where, pair = "controller/ledger, mode", (entry.mode, int(result.mode))
     else:
