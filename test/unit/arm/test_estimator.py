@@ -198,17 +198,22 @@ def test_drifting_position_is_not_followed() -> None:
     assert not state.trust.any()
     assert not state.jumped_s.any()
     assert not state.beyond_s.any()
+    assert not state.parity.any()
+
+
+def test_only_what_was_not_measured_stays_where_the_model_has_it() -> None:
+    config, state, q = configuration(), blank(JointEstimate), np.full(N, 0.2)
+    state.position[:], state.measured_position[:N], state.unmeasured[1] = 0.5, q, 3
+    call(start_estimate, config, state, 7, q, np.zeros(N))
+    np.testing.assert_array_equal(state.q[:N], [0.2, 0.5, 0.2])
 
 
 @pytest.mark.parametrize("lie", [0.05, -0.1])
 def test_slow_lie_is_found(lie: float) -> None:
     """As Page's sum has it: after difference / (lie - BIAS), however slowly; the disturbance swallows it meanwhile."""
     state, found, _ = moving(lambda q, v, t, m: (q, v + lie), steps=1200)
-    assert (Reason(state.found.reason), state.found.which, Trust(state.trust[1])) == (
-        Reason.VELOCITY,
-        1,
-        Trust.POSITION,
-    )
+    why = Reason(state.found.reason), state.found.which, Trust(state.trust[1])
+    assert why == (Reason.VELOCITY, 1, Trust.POSITION)
     assert found * T == pytest.approx(configuration().difference / (abs(lie) - BIAS), rel=0.3)
 
 

@@ -9,8 +9,14 @@ from slip_core.records import dtype_of, new, record
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.law.evaluation import EVALUATION
 from slip_vic_controller.path.paths import REFERENCE
-from slip_vic_controller.safety.motion import FALLS_WITHIN_S, DropDetectionConfig, ObservedMotion, observe_motion
-from test.support.call import call
+from slip_vic_controller.safety.motion import (
+    FALLS_WITHIN_S,
+    DropDetectionConfig,
+    ObservedMotion,
+    forget,
+    observe_motion,
+)
+from test.support.call import call, left
 
 EQUAL = 1e-12
 LINEAR = (1.0, 1.0, 0.0, 0.0, 0.0, 1.0)
@@ -72,3 +78,7 @@ def test_neither_wrench_nor_outlier_is_a_fall() -> None:
     assert fallen(d, round(1e3 * FALLS_WITHIN_S)) == pytest.approx(0.2)
     d.law.v_s[1] = 0.0
     assert fallen(d, 1) == 0.0
+
+
+def test_nothing_of_before_remains() -> None:
+    assert left(forget, ObservedMotion) == {"path_speed": 1.0}
