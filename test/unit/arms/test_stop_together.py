@@ -40,7 +40,7 @@ def test_silent_input_stops_both(topic: str, mode: str) -> None:
                 arm.add_joint(sent.joint, now_ns)
                 answers.append(session.cycle(now_ns))
         for results in (*answers, session.watchdog(now_ns)):
-            for k, result in enumerate(results):
+            for k, (result, _) in enumerate(zip(results, commands, strict=True)):
                 if result is not None:
                     modes[result.mode.name] += 1
                     commands[k] = result.command

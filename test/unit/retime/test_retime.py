@@ -296,11 +296,11 @@ def test_a_path_that_bends_too_much_between_its_points_is_refused(tmp_path: Path
 
 def test_deviation_is_the_sagitta_of_an_arc() -> None:
     angles = np.linspace(0.0, 0.4, 21)
-    values = np.stack([*(0.3 * f(angles) for f in (np.cos, np.sin)), *(0.0 * angles,) * 4, np.ones(21)], axis=1)
+    arc = 0.3 * np.stack((np.cos(angles), np.sin(angles), 0.0 * angles), axis=1)
+    values = np.hstack((arc, Rotation.from_rotvec(arc).as_quat()))
     points = Points(smooth_time(np.linspace(0.0, 1.0, 21)), values, POSE_COLUMNS)
     away, turned = deviation(points, PadPath(points))
-    assert away == pytest.approx(0.3 * (1.0 - np.cos(0.01)), rel=0.05)
-    assert turned == 0.0
+    assert (away, turned) == pytest.approx((0.3 * (1.0 - np.cos(0.01)),) * 2, rel=0.05)
 
 
 def test_a_path_that_lasts_too_long_is_refused(tmp_path: Path) -> None:
