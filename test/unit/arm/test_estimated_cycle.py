@@ -7,10 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from slip_core.records import record
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load
 from slip_vic_controller.safety.conditions import Mode, Reason, Request, Why, put_why
 from slip_vic_controller.session.cycle_result import CycleResult
+from slip_vic_controller.state import CONFIG
 from test.support.watched_loop import WatchedLoop, with_joints
 
 NOISE = 0.003
@@ -63,6 +65,16 @@ def test_wrong_velocity_names_joint(joint: int, change: Any, finding) -> None:
     assert run.arm.state.estimate.found.reason == finding
     run.cycles(1)
     assert run.speed < 0.1
+
+
+def test_noise_that_a_tare_measures_is_used() -> None:
+    """The speed that counts as slip follows it."""
+    run = Run("controller.tare.duration_s=0.3", "bridge.sensors.slip.noise_linear=0.02")
+    speeds = []
+    for _ in range(2):
+        speeds.append(float(record(run.arm.config, CONFIG).governor.friction.threshold))
+        run.cycles(450)
+    assert speeds[1] > 2.0 * speeds[0]
 
 
 @pytest.mark.parametrize("finding", tuple(each for each in Reason if Reason.VELOCITY <= each <= Reason.IGNORED))

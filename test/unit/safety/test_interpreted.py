@@ -13,27 +13,24 @@ import numpy as np
 ROOT = Path(__file__).parents[3]
 KINDS = (
     {
-        "gains__k_s": 100.0,
         "slip_estimator": "observer",
         "slip_sensor__dead_band_linear": 2e-3,
         "trajectory__kind": "circle",
         "trajectory__duration_s": 4.0,
     },
     {
-        "gains__k_s": 100.0,
         "attitude": "rpy",
         "gains__spin": "bounded",
         "trajectory__kind": "quintic",
         "trajectory__displacement": (0.1, 0.0, 0.05),
     },
     {
-        "gains__k_s": 100.0,
         "governor__mode": "time_optimal",
         "trajectory__kind": "waypoints",
         "trajectory__waypoints": (0.1, 0.0, 0.05, 0.0, 0.2, 0.0, 0.2, -0.1, 0.0, 0.3, 0.2, -0.4),
     },
 )
-CALM = {"safety__load__drop_speed": 1e3}  # nobody moves the arm
+CALM = {"safety__load__drop_speed": 1e3, "gains__k_s": 100.0}  # nobody moves the arm
 
 
 def digests() -> list[str]:
