@@ -99,7 +99,7 @@ class Observer(Record):
     variance: Vec6  # of the slip velocity
     significance: Real  # normalised innovation squared
     v_ee: Vec6  # m/s, rad/s {w}; twist of the pad at the last tick
-    sample_mean: Vec6  # of the samples that were measured in stick, weighted
+    sample_mean: Vec6  # of the samples in stick, weighted, or those from which slip has restarted
     axes: Annotated[Records[Axis], 6]  # the filters
 
 
@@ -327,6 +327,25 @@ def begin_stick(config: ObserverConfig, state: Observer) -> None:
 
 
 @part
+def begin_slip_of_samples(config: ObserverConfig, state: Observer, rows: Records[Row], first: int) -> None:
+    """Start slip at row `first` with `sample_mean`, and with the initial uncertainty of the model's errors.
+
+    The model is wrong: it has missed the slip, or takes every sample for an outlier and would never recover.
+    """
+    state.sliding, state.against = 1, 0
+    for _ in range(first):
+        drop_oldest(state, rows)
+    row = row_at(state, rows, 0)
+    for i in range(6):
+        if config.axes[i]:
+            m, band = state.sample_mean[i], config.dead_band[i]
+            row.axes[i] = state.axes[i]
+            put_velocity(row.axes[i], m, config.measurement_variance[i] + m * m + band * band)
+            forget_errors(row.axes[i], config.prior_P_bb[i], config.prior_P_cc[i])
+    rerun(config, state, rows, row.axes, 1)
+
+
+@part
 def observe_slip(
     config: ObserverConfig, state: Observer, rows: Records[Row], samples: Records[StampedSlip], count: int
 ) -> None:
@@ -335,10 +354,10 @@ def observe_slip(
     rerun(config, state, rows, row_at(state, rows, first - 1).axes, first)
     if count > 0:
         state.against = state.against + 1 if row_at(state, rows, first).contradicts else 0
-    if state.against == CONTRADICTIONS:  # a model that is wrong, and certain, would take every sample for an outlier
+    if state.against == CONTRADICTIONS:
         sample = row_at(state, rows, first)
         state.sample_mean[:] = sample.reads / sample.samples
-        begin_slip_of_samples(config, state, rows)
+        begin_slip_of_samples(config, state, rows, first)
     state.significance = slip_significance(config, state)
     at_rest = is_confirmed(config, state, row_at(state, rows, state.rows - 1)) and state.significance < config.nis_stick
     state.quiet = state.quiet + 1 if at_rest else 0
@@ -419,22 +438,6 @@ def begin_slip_of_model(config: ObserverConfig, state: Observer, rows: Records[R
 
 
 @part
-def begin_slip_of_samples(config: ObserverConfig, state: Observer, rows: Records[Row]) -> None:
-    """Let slip begin with the mean of the samples: the model is wrong, so the uncertainty of its errors is reset. This
-    tick's row stays."""
-    state.sliding, state.against = 1, 0
-    while state.rows > 1:
-        drop_oldest(state, rows)
-    row = row_at(state, rows, 0)
-    for i in range(6):
-        if config.axes[i]:
-            m = state.sample_mean[i]
-            put_velocity(state.axes[i], m, config.mean_share * config.measurement_variance[i] + m * m)
-            forget_errors(state.axes[i], config.prior_P_bb[i], config.prior_P_cc[i])
-            row.axes[i] = state.axes[i]
-
-
-@part
 def observe_stick(
     config: ObserverConfig, state: Observer, rows: Records[Row], samples: Records[StampedSlip], count: int,
 ) -> None:  # fmt: skip
@@ -447,7 +450,7 @@ def observe_stick(
     if state.significance > config.nis_slip:
         begin_slip_of_model(config, state, rows)
     elif seen:
-        begin_slip_of_samples(config, state, rows)
+        begin_slip_of_samples(config, state, rows, state.rows - 1)
 
 
 # -- a tick -------------------------------------------------------------------------------------------
