@@ -77,7 +77,7 @@ REFERENCES: Final = (
     ),
     Reference(
         "flag_waypoints", "vertical_plane", "vic",
-        "Waypoints, angles as roll, pitch and yaw, and a sensor that says no more than that it slips.",
+        "Waypoints, angles as roll, pitch and yaw, and a sensor that reports only whether it slips.",
         (
             *_slow(0.8), "bridge.friction.mu_s=0.45", "bridge.friction.mu_k=0.4", "bridge.slip_input=flag",
             "controller.slip_input=flag", "controller.slip_estimator=measured", "controller.attitude=rpy",
@@ -87,7 +87,7 @@ REFERENCES: Final = (
     ),
     Reference(
         "unknown_lemniscate", "paper_planar", "governed",
-        "A lemniscate, never faster than given, with a friction that has to be found.",
+        "A lemniscate with unknown friction; the governor only slows it down.",
         (
             *_slow(1.2), "controller.governor.friction=unknown", "controller.governor.mode=slow_down",
             "controller.trajectory.kind=lemniscate",
@@ -135,8 +135,9 @@ REFERENCES: Final = (
 def _every_tick(scenario: Scenario) -> list[str]:
     """Return the topics of which a run in lockstep has a message in every tick."""
     command = f"{next(iter(scenario.controllers.values())).command.interface}_command"
-    prefixes = map(prefix_of, scenario.controllers)
-    return ["/clock", "/object_state", *(f"/{prefix}{name}" for prefix in prefixes for name in (*OF_AN_ARM, command))]
+    prefixes, names = map(prefix_of, scenario.controllers), (*OF_AN_ARM, command)
+    names += ("grip_command",) if scenario.controller.grip.control == "follow" else ()
+    return ["/clock", "/object_state", *(f"/{prefix}{name}" for prefix in prefixes for name in names)]
 
 
 def make_references(folder: Path, tell: Callable[[str], None]) -> None:

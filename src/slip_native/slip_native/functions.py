@@ -27,7 +27,7 @@ from slip_vic_controller.session.arrival import (
     receive_slip,
     receive_wrench,
 )
-from slip_vic_controller.session.describe import describe
+from slip_vic_controller.session.symbols import fill_symbols
 from slip_vic_controller.state import ARM_SIZE, CONFIG, CONFIG_SIZE, INPUTS_SIZE, OUTPUTS_SIZE, TASK_SIZE
 
 In = Array
@@ -143,7 +143,7 @@ def slip_vic_cycle(config: In, state: Out, exchange: Out, arms: int, rows: int) 
 def slip_vic_describe(config: In, inputs: In, outputs: In, symbols: Out) -> None:
     """Fill the SlipVic_Symbols of an arm from its last cycle: the published numbers of the law."""
     i, o = carray(inputs, INPUTS_SIZE), carray(outputs, OUTPUTS_SIZE)
-    describe(carray(config, CONFIG_SIZE), i, o, carray(symbols, _SYMBOLS))
+    fill_symbols(carray(config, CONFIG_SIZE), i, o, carray(symbols, _SYMBOLS))
 
 
 def slip_vic_stiffness_limit(damping: float, inertia: float, delay_s: float) -> float:

@@ -40,7 +40,8 @@ def test_silent_input_stops_both(topic: str, mode: str) -> None:
                 arm.add_joint(sent.joint, now_ns)
                 answers.append(session.cycle(now_ns))
         for results in (*answers, session.watchdog(now_ns)):
-            for k, (result, _) in enumerate(zip(results, commands, strict=True)):
+            assert len(results) == len(commands)
+            for k, result in enumerate(results):
                 if result is not None:
                     modes[result.mode.name] += 1
                     commands[k] = result.command

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -35,15 +34,6 @@ def test_a_replay_gives_the_same_commands(reference: Reference) -> None:
     rows = (BAGS / "README.md").read_text().splitlines()
     row = next(line for line in rows if line.startswith(f"| `{reference.name}`"))
     assert f"`{reference.command()}`" in row
-
-
-def test_another_squeeze_is_found() -> None:
-    run = read_run(Bag(BAGS / "grip_follows"))[""]
-    squeezes = list(run.squeezes)
-    squeezes[100] = np.nextafter(squeezes[100], 0.0)
-    verdict = verify_run({"": replace(run, squeezes=tuple(squeezes))})
-    assert verdict.different == 1
-    assert "grip_command: recorded" in verdict.text()
 
 
 @pytest.mark.parametrize("reference", REFERENCES, ids=lambda reference: reference.name)

@@ -95,6 +95,15 @@ def test_last_bit_of_one_recorded_effort_is_caught(tmp_path):
     assert recorded == math.nextafter(replayed, math.inf)
 
 
+def test_another_squeeze_is_found():
+    run = read_run(Bag(Path("bags/grip_follows")))[""]
+    squeezes = list(run.squeezes)
+    squeezes[100] = math.nextafter(squeezes[100], 0.0)
+    result = verify_run({"": dataclasses.replace(run, squeezes=tuple(squeezes))})
+    assert result.different == 1
+    assert "grip_command: recorded" in result.first
+
+
 def test_parameters_that_change_on_the_way(tmp_path):
     """Two changes, each ramping; without knowing of them the replay would not agree."""
     retune = {100: {"gains.gamma_kp": 50.0}, 200: {"object.mass": 0.55, "gains.alpha": 90.0}}

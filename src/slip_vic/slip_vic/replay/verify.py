@@ -26,7 +26,7 @@ class Comparison(NamedTuple):
 
     cycles: int
     numbers: int
-    kind: str  # of them: efforts, velocities or positions, and squeezes
+    kind: str  # efforts, velocities or positions, with squeezes where the grip is commanded
     different: int
     first: str
 
@@ -204,7 +204,7 @@ def _difference(arm: _Arm, entry: LedgerEntry, result: CycleResult) -> str:
         where, pair = f"{topic}, numbers", (len(recorded), len(replayed))
     elif len(differs := np.flatnonzero(recorded.view(np.int64) != replayed.view(np.int64))):  # the bits: NaN, -0.0
         where, pair = f"{topic}, {params.joint_names[differs[0]]}", (recorded[differs[0]], replayed[differs[0]])
-    elif squeeze != result.grip:
+    elif squeeze.hex() != result.grip.hex():  # the bits, too
         where, pair = "grip_command", (squeeze, result.grip)
     elif entry.mode != result.mode:
         where, pair = "controller/ledger, mode", (entry.mode, int(result.mode))

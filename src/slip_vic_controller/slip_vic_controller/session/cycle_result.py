@@ -15,7 +15,7 @@ from slip_core.types import Incident, JointCommand, JointSample
 from slip_vic_controller.config.controller import ArmController
 from slip_vic_controller.law.symbols import SYMBOLS, published
 from slip_vic_controller.safety.conditions import Mode, Reason
-from slip_vic_controller.session.describe import describe as describe_cycle
+from slip_vic_controller.session.symbols import fill_symbols
 from slip_vic_controller.session.words import describe, reason_fields
 from slip_vic_controller.state import GOVERNED, INPUTS, OUTPUTS
 
@@ -127,7 +127,7 @@ class CycleResult:
     def symbols(self) -> Array:
         """Return the numbers worth plotting, in the order of `symbol_names`; NaN where there is none."""
         symbols = new(SYMBOLS)
-        describe_cycle(self._controller.config, self.inputs, self.outputs, symbols)
+        fill_symbols(self._controller.config, self.inputs, self.outputs, symbols)
         numbers = symbols[published(len(self._controller.robot.joint_names))[1]]
         return np.concatenate((numbers, self.outputs[_GOVERNED])) if self._governed else numbers
 

@@ -10,7 +10,7 @@ from slip_vic_controller.state import CONFIG, INPUTS, OUTPUTS
 
 
 @kernel(VOID, IN1, IN1, IN1, OUT1)
-def describe(config_buffer: Array, inputs_buffer: Array, outputs_buffer: Array, symbols_buffer: Array) -> None:
+def fill_symbols(config_buffer: Array, inputs_buffer: Array, outputs_buffer: Array, symbols_buffer: Array) -> None:
     """Fill the SYMBOLS of an arm's cycle, when something looks at them.
 
     Args:
