@@ -128,17 +128,17 @@ def test_three_samples_start_a_slip() -> None:
 
 def test_lasting_contradiction_overrides_the_model() -> None:
     """A filter that is certain of a wrong model would take every sample for an outlier."""
-    for reads in (0.0, 2e-3, 0.02):
-        bench = sliding_bench()
+    for reads, band in ((0.0, 0.0), (2e-3, 0.0), (0.02, 0.0), (0.0, 0.03)):
+        bench = sliding_bench(slip_sensor__dead_band_linear=band)
         for _ in range(200):  # the wrench misses 1 m/s^2 that the object has
             estimate = bench.step(six(x=1.0))
         assert estimate.twist[0] > 0.2
         seen = []
         for _ in range(3):
-            sample = (bench.tick + 1) * MS, six(x=reads)
-            seen.append(bench.step(six(x=1.0), samples=[sample]).twist[0])
+            seen.append(bench.step(six(x=1.0), samples=[((bench.tick + 1) * MS, six(x=reads))]).twist[0])
         assert min(seen[:2]) > 0.1, "one or two may be outliers"
         assert abs(seen[2] - reads) < 4e-3
+        assert bench.state.axes[0].P_vv == pytest.approx(2e-3**2 + reads**2 + band**2, rel=1e-3)
         assert bench.state.against == 0
 
 
