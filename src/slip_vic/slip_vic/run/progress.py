@@ -37,13 +37,14 @@ def progress(console: Console, *, unit: str = "") -> Iterator[AddBar]:
 
         def add(name: str, total: float, done: int = 0) -> Report:
             task = bars.add_task(name, total=total, completed=done, remark="")
-            said_s = bars.get_time()
+            said_s, ended = bars.get_time(), False
 
             def report(now: float, remark: str = "") -> None:
-                nonlocal said_s
+                nonlocal said_s, ended
                 bars.update(task, completed=round(now, 1), remark=remark)
-                if not console.is_terminal and (now == total or bars.get_time() >= said_s + EVERY_S):
-                    said_s = bars.get_time()
+                ends = now == total and not ended
+                if not console.is_terminal and (ends or bars.get_time() >= said_s + EVERY_S):
+                    said_s, ended = bars.get_time(), now == total
                     left_s = bars.tasks[task].time_remaining
                     parts = [f"{name}: {round(now, 1):g} of {total:g}{unit} done"]
                     parts += [f"{left_s:.0f} s left"] if left_s else []
