@@ -230,8 +230,8 @@ def test_filtered_velocity_is_no_fault(late_s: float) -> None:
 
 
 def test_noise_and_a_bias_that_may_last_are_no_fault() -> None:
-    for seed in range(5):
-        state, found, _ = moving(lambda q, v, t, m: (q, v + 0.8 * BIAS), steps=2000, seed=seed)
+    for seed, bias in itertools.product(range(5), (0.0, 0.8 * BIAS)):
+        state, found, _ = moving(lambda q, v, t, m, bias=bias: (q, v + bias), steps=4000, seed=seed)
         assert found == -1
         assert state.found.reason == Reason.NONE
 

@@ -61,9 +61,8 @@ def test_lockstep_runs_are_identical(tmp_path, name, controller):
     ],
 )
 def test_a_run_that_lacks_a_sensor_is_identical(tmp_path, drive, lacks, kind):
-    record_run(
-        tmp_path / "bag", load("paper_planar", law="governed", drive=drive, set=(lacks, "bridge.duration_s=0.6"))
-    )
+    loaded = load("paper_planar", law="governed", drive=drive, set=(lacks, "bridge.duration_s=0.6"))
+    record_run(tmp_path / "bag", loaded)
     bag = Bag(tmp_path / "bag")
     assert (bag.topics["/wrench"].message_count == 0) is ("wrench" in lacks)
     assert {"HOLD", "ACTIVE"} <= {Mode(entry.mode).name for entry in read_run(bag)[""].ledger}

@@ -295,11 +295,12 @@ def test_a_path_that_bends_too_much_between_its_points_is_refused(tmp_path: Path
 
 
 def test_deviation_is_the_sagitta_of_an_arc() -> None:
-    angles = np.linspace(0.0, 0.4, 21)
+    angles, sagitta = np.linspace(0.0, 0.4, 21), 0.3 * (1.0 - np.cos(0.01))
     arc = 0.3 * np.stack((np.cos(angles), np.sin(angles), 0.0 * angles), axis=1)
-    values = np.hstack((arc, Rotation.from_rotvec(arc).as_quat()))
-    points = Points(smooth_time(np.linspace(0.0, 1.0, 21)), values, POSE_COLUMNS)
-    assert deviation(points, PadPath(points)) == pytest.approx((0.3 * (1.0 - np.cos(0.01)),) * 2, rel=0.05)
+    for turns in (0.0, 1.0):
+        values = np.hstack((arc, Rotation.from_rotvec(turns * arc).as_quat()))
+        points = Points(smooth_time(np.linspace(0.0, 1.0, 21)), values, POSE_COLUMNS)
+        assert deviation(points, PadPath(points)) == pytest.approx((sagitta, turns * sagitta), rel=0.05)
 
 
 def test_a_path_that_lasts_too_long_is_refused(tmp_path: Path) -> None:
