@@ -67,6 +67,12 @@ def test_wrong_velocity_names_joint(joint: int, change: Any, finding) -> None:
     assert run.speed < 0.1
 
 
+def test_estimate_is_published() -> None:
+    run = Run()
+    published, q = run.cycles(9).record.joints.position, run.arm.state.estimate.position
+    assert published.tolist() == q.tolist() != [0.0] * len(q)
+
+
 def test_noise_that_a_tare_measures_is_used() -> None:
     """The speed that counts as slip follows it."""
     run = Run("controller.tare.duration_s=0.3", "bridge.sensors.slip.noise_linear=0.02")

@@ -58,8 +58,7 @@ def test_over_the_edge_it_is_lost_and_before_it_is_not(plant: str) -> None:
 
 def test_a_lost_object_keeps_its_momentum_and_turns_as_a_free_body_does() -> None:
     simulation = scene(grip__force=50.0, object__inertia=(1e-3, 2e-3, 2.5e-3, 0.0, 0.0, 0.0))
-    for _ in Shaker(simulation, 4).run(300):
-        pass
+    list(Shaker(simulation, 4).run(300))
     J = np.diag(simulation.params.object.inertia[:3])
     simulation.set_grip_force(0.0)
     simulation.step(None)
@@ -80,8 +79,7 @@ def test_a_lost_object_keeps_its_momentum_and_turns_as_a_free_body_does() -> Non
 
 def test_taking_over_changes_nothing_but_the_contact() -> None:
     simulation = scene("vertical_plane")
-    for _ in Shaker(simulation, 3).run(200):
-        pass
+    list(Shaker(simulation, 3).run(200))
     numbers, loose = simulation.plant.read(0), LoosePlant({"": simulation.params}, {"": urdf_text()})
     loose.take_over([numbers])
     held, taken = record(numbers, read_out(7)), record(loose.read(0), read_out(7))

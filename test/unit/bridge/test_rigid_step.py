@@ -74,8 +74,7 @@ def test_a_reset_leaves_no_memory_in_the_bristles():
     """The same efforts give the same bits after a reset, and the held object is at rest from the start."""
     simulation = scene(friction__model="lugre")
     fresh = scene(friction__model="lugre")
-    for _ in Shaker(simulation, 2).run(300):
-        pass
+    list(Shaker(simulation, 2).run(300))
     assert np.abs(simulation.plant._state).max() > 0.0
     simulation.reset()
     assert not simulation.plant._state.any()

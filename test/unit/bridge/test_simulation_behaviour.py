@@ -139,12 +139,10 @@ def test_reset_brings_everything_back_but_time(model):
 def test_grip_force_is_an_input():
     simulation = scene(grip__force=50.0)
     shaker = Shaker(simulation, 4)
-    for _ in shaker.run(200):
-        pass
+    list(shaker.run(200))
     assert np.abs(simulation.observe().truth.slip_displacement).max() < STILL
     simulation.set_grip_force(0.05)
-    for _ in shaker.run(100):
-        pass
+    list(shaker.run(100))
     assert np.abs(simulation.observe().truth.slip_displacement).max() > 1e-3
 
 

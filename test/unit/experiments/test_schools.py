@@ -13,12 +13,7 @@ import slip_vic
 from slip_vic.experiments import proactive_slip_control as proactive
 from slip_vic.experiments import toppra_offline
 from slip_vic.experiments.driven import driven
-from slip_vic.experiments.grip_laws import (
-    FixedGrip,
-    GraspCbf,
-    SlipAwareHold,
-    SunSlippingControl,
-)
+from slip_vic.experiments.grip_laws import FixedGrip, GraspCbf, SlipAwareHold, SunSlippingControl
 from slip_vic.experiments.law import KNOWN, Setup, find_law
 from slip_vic.experiments.schools import measured_load, planned_load, timed
 

@@ -17,14 +17,7 @@ from slip_vic.scenarios.scenario import load
 from slip_vic_controller.governor.layouts import Governor
 from slip_vic_controller.governor.load import ALONE, Held
 from slip_vic_controller.path.paths import REFERENCE, Reference, put_reference
-from slip_vic_controller.path.stream import (
-    Stream,
-    at,
-    drop_passed,
-    plan_stream,
-    stream_bound,
-    take_queued,
-)
+from slip_vic_controller.path.stream import Stream, at, drop_passed, plan_stream, stream_bound, take_queued
 from slip_vic_controller.safety.conditions import Mode
 from slip_vic_controller.sizes import NEVER, ROOM
 from test.referees.governor_paths import BentPath

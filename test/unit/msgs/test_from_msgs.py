@@ -8,23 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Duration, Time
-from geometry_msgs.msg import (
-    PoseStamped,
-    Quaternion,
-    Transform,
-    Twist,
-    TwistStamped,
-    Vector3,
-    Wrench,
-    WrenchStamped,
-)
+from geometry_msgs.msg import PoseStamped, Quaternion, Transform, Twist, TwistStamped, Vector3, Wrench, WrenchStamped
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
-from trajectory_msgs.msg import (
-    MultiDOFJointTrajectory,
-    MultiDOFJointTrajectoryPoint,
-)
+from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
 
 from slip_core.errors import InputError
 from slip_msgs_py.messages import to_msgs

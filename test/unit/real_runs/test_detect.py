@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-from tools.real_data.detect import (
-    observed,
-    rest_noise,
-    score,
-    true_slips,
-)
+from tools.real_data.detect import observed, rest_noise, score, true_slips
 from tools.real_data.table import read_table
 
 RUNS = read_table()

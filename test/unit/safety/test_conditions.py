@@ -78,6 +78,11 @@ def test_modes_are_in_order() -> None:
 
 
 def test_condition_must_last() -> None:
+    assert {row.name: row.lasts_s for row in Reason if row.lasts_s} == {
+        "TOO_FAST": 0.005,
+        "SATURATED": 0.1,
+        "HAND": 0.2,
+    }
     table, why = Table(), Why(Reason.SATURATED, 0, 0, 3, 0.5, 0.25)
     table.config.lasts_ns[Reason.SATURATED] = 100
     for passed, found in ((0, NOTHING), (99, NOTHING), (100, why), (500, why)):

@@ -13,14 +13,7 @@ from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load
 from slip_vic_controller.contact.estimate import SensorHealth
 from slip_vic_controller.cycle.deciding import judge, slows
-from slip_vic_controller.safety.conditions import (
-    NOTHING,
-    Health,
-    Mode,
-    Reason,
-    Why,
-    put_why,
-)
+from slip_vic_controller.safety.conditions import NOTHING, Health, Mode, Reason, Why, put_why
 from slip_vic_controller.session.words import describe
 from slip_vic_controller.sizes import NEVER
 from slip_vic_controller.state import ARM_SIZE, ARM_STATE, CONFIG, TASK_SIZE, TASK_STATE

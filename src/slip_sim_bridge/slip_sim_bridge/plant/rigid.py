@@ -184,7 +184,7 @@ class RigidPlant:
 
     def read(self, _arm: int) -> Array:
         """Return everything that can be read, as a fresh array laid out by `read_out`; (2 n + 54,)."""
-        out = np.empty(self._size)
+        out = np.zeros(self._size)
         read_rigid(
             self._qpos, self._qvel, self._readings, self._object_position, self._object_rotation,
             self._object_spatial, self._root, self._p_R_o, self._pad_position, self._pad_rotation, out,

@@ -214,7 +214,7 @@ def read_rigid(
         root: centre of mass of the whole tree; (3,) [m] {w}.
         p_R_o: {o} to {p}; (3, 3).
         pad_position, pad_rotation: (3,) [m] {w}, (3, 3) {ee} to {w}.
-        out: (2 n + 54,).
+        out: (2 n + 54,); its yield of the pad, which is rigid, stays as it is.
 
     Implements: h_ee of Eq. (1), v_s of Eq. (14), v_o of Eq. (10).
     """
@@ -240,4 +240,3 @@ def read_rigid(
     put(grasp.object_twist[3:], turning)
     put(grasp.pad_position, vec(pad_position))
     put_mat(grasp.pad_rotation, mat(pad_rotation))
-    grasp.pad_yield[:] = 0.0

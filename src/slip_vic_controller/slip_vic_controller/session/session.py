@@ -368,10 +368,7 @@ class ArmSession:
         the bridge holds the arm, and the next cycle goes to FAULT.
         """
         self._request = int(Request.FAILED)
-        newest = self.newest_joint
-        if not self._is_at_work or newest is None:
-            return None
-        return self.without_joint_state(newest.stamp_ns if self._lockstep else now_ns)[0]
+        return self.without_joint_state(now_ns)[0] if self._is_at_work else None
 
     @property
     def _is_at_work(self) -> bool:
@@ -382,7 +379,8 @@ class ArmSession:
         exchange, newest, before = self._session.new_exchange(), self.newest_joint, self._commanded()
         assert newest is not None  # an arm that has begun has sent
         given: CycleInputs = record(exchange[self._inputs], INPUTS)
-        given.present, given.now_ns, given.request = 1, now_ns, self.take_request()
+        given.present, given.request = 1, self.take_request()
+        given.now_ns = newest.stamp_ns if self._lockstep else now_ns
         self.state.joint.pending_fault = int(Reason.SILENT)
         answered = cycle(self._session.config, self._session.buffer, exchange)
         exchange.setflags(write=False)
