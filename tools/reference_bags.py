@@ -134,9 +134,10 @@ REFERENCES: Final = (
 
 def _every_tick(scenario: Scenario) -> list[str]:
     """Return the topics of which a run in lockstep has a message in every tick."""
-    command = f"{next(iter(scenario.controllers.values())).command.interface}_command"
+    first = next(iter(scenario.controllers.values()))
+    command = f"{first.command.interface}_command"
     prefixes, names = map(prefix_of, scenario.controllers), (*OF_AN_ARM, command)
-    names += ("grip_command",) if scenario.controller.grip.control == "follow" else ()
+    names += ("grip_command",) if first.grip.control == "follow" else ()
     return ["/clock", "/object_state", *(f"/{prefix}{name}" for prefix in prefixes for name in names)]
 
 

@@ -65,6 +65,7 @@ def test_the_file_of_a_whole_controller_gives_that_controller(tmp_path: Path) ->
     assert again.controller == scenario.controller
 
 
-def test_a_folder_that_cannot_be_written_is_found_before() -> None:
+def test_a_folder_that_cannot_be_written_is_found_before(tmp_path: Path) -> None:
+    write_files(tmp_path / "new" / "folder", {})
     with pytest.raises(InputError, match="a folder that can be written"):
         write_files(Path("/proc/bringup"), {})

@@ -49,6 +49,12 @@ def test_prior_is_lognormal(risk) -> None:
     assert call(certain_share, belief(), risk) == pytest.approx(exact, rel=0.5 * CELL)
 
 
+def test_strongest_friction_is_believed_too() -> None:
+    state = blank(Belief)
+    state.sticks[-1] = 1.0
+    assert call(certain_share, state, 0.5) == pytest.approx(RATIO[-1])
+
+
 def test_what_is_carried_excludes_weaker_friction() -> None:
     state = belief()
     ride(state, 0.3, 0.3, 0.1)

@@ -86,6 +86,16 @@ def test_finding_of_the_observer_bounds_what_is_certain_while_it_lasts() -> None
     assert suspected(e, found=False) == CONFIGURED == e.state.F_median
 
 
+def test_slip_sample_denies_what_the_observer_found_before_it() -> None:
+    e = estimate()
+    for ms in (5, 15):  # anew where it finds slip again
+        carry(e, ms, 0.8)
+        for sample_ms, bound in ((ms - 1, KEPT * 0.8), (ms, KEPT * 0.8), (ms + 1, CONFIGURED)):
+            assert not sample(e, sample_ms, 0.4 * THRESHOLD, found=True)
+            assert suspected(e, found=True) == pytest.approx(bound)
+        assert suspected(e, found=False) == CONFIGURED
+
+
 @pytest.mark.parametrize(("load", "slipping"), [(0.3, 0), (0.8, 1)])
 def test_small_load_and_known_slip_bound_nothing(load: float, slipping: int) -> None:
     e = estimate()

@@ -19,10 +19,11 @@ from slip_vic_controller.contact.slip_health import (
     SlipEvidence,
     add_reading,
     judge_health,
+    mounting,
     start_health,
 )
 from slip_vic_controller.sizes import NEVER
-from test.support.call import left
+from test.support.call import call, left
 
 DT = 2e-3
 AXES = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 1.0])
@@ -118,6 +119,13 @@ def test_mistake_is_named(name: str, sensor: str) -> None:
         assert found_in(given, DIFFERS, sure=SIGNIFICANT).found == health
     assert value is None or by == pytest.approx(value, rel=0.1)
     assert health.to_do or health == SensorHealth.OK
+
+
+@pytest.mark.parametrize(("axes", "health"), [([1, 0, 2], "XY"), ([0, 2, 1], "YZ"), ([2, 1, 0], "ZX")])
+def test_any_two_axes_may_be_swapped(axes: list[int], health: str) -> None:
+    state = evidence()
+    state.way[:], state.length = np.eye(3)[axes], 1.0
+    assert call(mounting, state, DIFFERS, SIGNIFICANT, 0.0) == SensorHealth[f"{health}_SWAPPED"]
 
 
 @pytest.mark.parametrize(("quantum", "health"), [(0.0, SensorHealth.HELD), (1e-3, SensorHealth.OK)])

@@ -75,6 +75,8 @@ def test_modes_are_in_order() -> None:
     gravest_first = [Mode.FAULT, Mode.WAITING_INPUT, Mode.HOLD, Mode.DEGRADED]
     assert [mode for mode, _ in itertools.groupby(reason.mode for reason in ROWS)] == gravest_first
     assert {reason.mode for reason in Reason if reason < SAMPLE_FAULTS} == {Mode.ACTIVE}
+    free = {7, 16, 20, 24, 25, 35, 37, 45, 46, 50, 51, *range(63, 68)}
+    assert set(range(max(Reason) + 1)) - set(Reason) == free, "bags and programs know reasons by their numbers"
 
 
 def test_condition_must_last() -> None:

@@ -61,7 +61,8 @@ class Validation:
         ({"qd": 1e3}, Reason.ABSURD), ({"stamp_ns": -MS}, Reason.OUT_OF_ORDER),
         ({"stamp_ns": 0}, Reason.OUT_OF_ORDER), ({"q": 0.3}, Reason.JUMP), ({"stamp_ns": 204 * MS}, Reason.NONE),
         ({"stamp_ns": 204 * MS + 1}, Reason.CLOCK_JUMP), ({"stamp_ns": -200 * MS}, Reason.CLOCK_JUMP),
-        ({"stamp_ns": 1 - 200 * MS}, Reason.OUT_OF_ORDER), ({"refused": 1.0}, Reason.REFUSED), ({}, Reason.NONE),
+        ({"q": 0.3, "qd": 150.0}, Reason.NONE), ({"stamp_ns": 1 - 200 * MS}, Reason.OUT_OF_ORDER),
+        ({"refused": 1.0}, Reason.REFUSED), ({}, Reason.NONE),
     ],
 )  # fmt: skip
 def test_joint_state_faults(change: dict[str, float], fault: Reason) -> None:

@@ -79,7 +79,8 @@ class FrictionEvidence(Record):
     said_ns: Whole  # stamp of the first of them
     last_ns: Whole  # and of the newest sample that is no outlier
     way: Vec6  # m, that they have slipped; turning at the torsional radius
-    suspected_at: Real  # N, load at which the observer began to find a slip; 0 = it finds none, inf = it is known
+    suspected_at: Real  # N, load at which the observer began to find a slip; 0 = it finds none, inf = a sample has told
+    suspected_ns: Whole  # stamp of that load
 
 
 @part
@@ -102,7 +103,7 @@ def start_friction(
     contact.carried = min(at_rest + config.probe, contact.first)
     contact.slipping, contact.slip_ns = 0, NEVER
     state.count, state.events, state.said, state.said_ns, state.last_ns, state.way[:] = 0, 0, 0, NEVER, NEVER, 0.0
-    state.suspected_at = 0.0
+    state.suspected_at, state.suspected_ns = 0.0, 0
     put_certain(config, contact)
 
 
@@ -199,6 +200,8 @@ def slip_sample(
     speed, slips = math.sqrt(slip.dot(slip)), contact.slipping != 0
     if not speed > slip_threshold(config, found):
         state.said, state.way[:], state.last_ns = 0, 0.0, stamp_ns
+        if state.suspected_at > 0.0 and stamp_ns > state.suspected_ns:
+            state.suspected_at = math.inf
         if slips and stamp_ns - contact.slip_ns >= QUIET_NS:
             contact.slipping = 0
         return
@@ -232,7 +235,8 @@ def suspect(config: FrictionConfig, contact: ContactEstimate, state: FrictionEvi
     elif contact.slipping != 0:
         state.suspected_at = math.inf
     elif state.suspected_at == 0.0:
-        load = slipping_load(config, state, (state.count - 1) % LOADS)
+        newest = (state.count - 1) % LOADS
+        load, state.suspected_ns = slipping_load(config, state, newest), state.loads[newest].stamp_ns
         state.suspected_at = load if load > LEAST_FRICTION * contact.F_median else math.inf
     if state.suspected_at > 0.0:
         contact.F_lo = min(contact.F_lo, KEPT * state.suspected_at)

@@ -74,6 +74,8 @@ def tare(c: ArmCycle, arms: Arms, alone: bool) -> bool:
         start_tare(tare, NEVER)
         tare.watched = 0
     n, last, q = config.law.joints, state.joint.last, state.joint.answers.position
+    # One that ends in this cycle is still the reason: what it finds is in use from the next one on.
+    see(state.conditions, because(Reason.TARE.value, 0), tare.done == 0 and not follows(state.mode.mode), inputs.now_ns)
     if tare.done == 0 and state.mode.mode == Mode.HOLD:
         stamp_ns, wrench = state.joint.answers.stamp_ns, state.wrench_inputs[0]
         paused = inputs.now_ns - state.now_ns > config.joint.age_ns  # something else may have moved the arm
@@ -209,7 +211,6 @@ def find_reasons_to_wait(config: ControllerConfig, task: TaskState, state: ArmSt
     """Look for why the law must not begin or continue, though all inputs are good."""
     rows, tare, governor, at_work = state.conditions, state.tare, task.governor, follows(state.mode.mode)
     waits = config.tare.duration_ns > 0 and not at_work
-    see(rows, because(Reason.TARE.value, 0), waits and tare.done == 0, now_ns)
     found = read_why(tare.found) if waits else NOTHING
     see_one_of(rows, Reason.BIASED.value, Reason.INVERTED_WRENCH.value, found, now_ns)
     heavy = governor.infeasible != 0

@@ -344,7 +344,7 @@ def next_mode(config: ConditionsConfig, state: ModeState, why: Why, request: int
     mode, before = LEADS_TO[why.reason], read_why(state.reason)
     stops = mode == Mode.WAITING_INPUT or mode == Mode.HOLD
     enabled = request == Request.ENABLE or (state.enabled != 0 and request != Request.HOLD and state.mode != Mode.FAULT)
-    good_since = since_when(state.good_since_ns, not stops, now_ns)
+    good_since = since_when(state.good_since_ns, not stops or why.reason == Reason.TARE, now_ns)
     rests = not stops and state.mode == Mode.HOLD and request != Request.ENABLE
     if state.mode == Mode.FAULT and request != Request.RESET_FAULT:
         mode, why, enabled = Mode.FAULT.value, before, False
