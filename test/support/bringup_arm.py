@@ -62,12 +62,7 @@ class Loop:
     ) -> None:
         self._error, self._answers_s = error or Error(), answers_s
         loaded = load(
-            scenario,
-            law="governed",
-            sensor=sensor,
-            drive=drive,
-            seed=seed,
-            set=(*BRINGUP, *self._error.assignments),
+            scenario, law="governed", sensor=sensor, drive=drive, seed=seed, set=(*BRINGUP, *self._error.assignments)
         )
         self.params, self.urdf, self.bridge_params = loaded.controller, loaded.urdf, loaded.bridge
         self.loop = ClosedLoop(loaded)

@@ -25,8 +25,7 @@ def copy_bag(source: Path, folder: Path, names: Mapping[str, Sequence[str]]) -> 
         for name, copies in names.items():
             for copy in copies:
                 writer.add_topic(
-                    replace(bag.topics[name], name=copy, message_count=0),
-                    bag._schemas[name].data.decode(),
+                    replace(bag.topics[name], name=copy, message_count=0), bag._schemas[name].data.decode()
                 )
         for message in bag.raw(names):
             for copy in names[message.topic]:

@@ -102,9 +102,7 @@ def recorded(arms: list[Watcher], processes: Processes, tmp_path: Path) -> tuple
 
 
 @pytest.mark.timeout(600)
-def test_both_arms_stop_together(
-    recorded: tuple[Path, Run],
-) -> None:
+def test_both_arms_stop_together(recorded: tuple[Path, Run]) -> None:
     path, judged = recorded
     bag = Bag(path)
     left, right = (modes_of(bag, side) for side in SIDES)

@@ -49,7 +49,7 @@ GIVEN = {
         "out/classical": "paper_planar_classical",
         "out/vic": "paper_planar_vic",
         "out/killed": "paper_planar_vic",
-    },
+    }
 }
 
 

@@ -69,10 +69,7 @@ rosbag2_bagfile_information:
   custom_data: ~
   ros_distro: jazzy"""
 LATCHED = QosProfile(durability="transient_local")
-TOPICS = (
-    TopicInfo("/a", "std_msgs/msg/String"),
-    TopicInfo("/b", "std_msgs/msg/String", (LATCHED,), 3),
-)
+TOPICS = (TopicInfo("/a", "std_msgs/msg/String"), TopicInfo("/b", "std_msgs/msg/String", (LATCHED,), 3))
 SPAN = 1_700_000_000_000_000_000, 1_700_000_000_000_000_002
 
 

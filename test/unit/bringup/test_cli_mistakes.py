@@ -25,10 +25,7 @@ MISTAKES = {
         ["--set", "bridge.initial_position=[0, 0, 0, 1.0, 0, 1, 0]"],
         ["arm_joint4", "limits", "slip-vic arm"],
     ),
-    "start in a singular posture": (
-        ["--set", "controller.singularity.sigma_min=0.5"],
-        ["singular", "sigma_min"],
-    ),
+    "start in a singular posture": (["--set", "controller.singularity.sigma_min=0.5"], ["singular", "sigma_min"]),
     "path out of reach": (["--set", "controller.trajectory.displacement=[0, 0, 2]"], ["trajectory", "% of its time"]),
     "urdf is not xml": (["--set", "robot_description_file=broken.urdf"], ["robot_description", "URDF"]),
     "scenario file is not yaml": (["--scenario", "broken.yaml"], ["broken.yaml, line 2", "a tab"]),

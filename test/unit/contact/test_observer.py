@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from slip_vic_controller.config.observer import capacity
-from slip_vic_controller.contact.observer import ROW, append, begin_stick, reset
+from slip_vic_controller.contact.observer import ROW, ObserverConfig, Row, append, begin_stick, is_confirmed, reset
 from slip_vic_controller.contact.observer import Observer as State
 from slip_vic_controller.law.contact import SLIP_SAMPLE
-from test.support.call import call, left
+from test.support.call import blank, call, left
 from test.unit.contact.rig import MS, SENSOR, Bench, Observer, given, make_motion, make_params, six
 
 SHAKY = {"slip_sensor__noise_linear": 2e-3, "slip_sensor__noise_angular": 0.05, "observer__drag_spread": 0.0}
@@ -116,6 +116,15 @@ def test_doubt_is_not_rest() -> None:
     assert abs(ends[6e-4].twist[0] - 2e-3) < 1e-4
     assert ends[6e-4].significance < bench.config.nis_stick, "a speed that is significant proves nothing here"
     assert not ends[1.0].sliding, "without a bound on the doubt it is taken for rest, which is what this test is about"
+
+
+def test_noise_of_the_joints_leaves_doubt() -> None:
+    """As much as of two velocities, at begin and end of the window."""
+    config, state, row = map(blank, (ObserverConfig, State, Row))
+    config.axes[0], config.window_ticks, row.dt, row.velocity_variance[0] = 1.0, 10, 0.1, 1e-4
+    for P_bb, confirmed in ((1.9e-4, True), (2.1e-4, False)):
+        state.axes[0].P_bb = P_bb
+        assert bool(call(is_confirmed, config, state, row)) is confirmed
 
 
 def test_three_samples_start_a_slip() -> None:

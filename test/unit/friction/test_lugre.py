@@ -101,10 +101,7 @@ def test_a_loosened_grip_lets_the_bristles_go():
     assert np.linalg.norm(out.state) <= FULL_STRETCH / 2 * (1.0 + ROUNDING)
 
 
-@pytest.mark.parametrize(
-    "law",
-    [CURVE, LAW, stribeck(0.0, 0.0), lugre(1e6, 1e3, mu_s=0.0, mu_k=0.0, viscous=0.1)],
-)
+@pytest.mark.parametrize("law", [CURVE, LAW, stribeck(0.0, 0.0), lugre(1e6, 1e3, mu_s=0.0, mu_k=0.0, viscous=0.1)])
 @pytest.mark.parametrize("v", [(0.1, 0.0, 2.0), (1e-200, 0.0, 0.0), (1e30, 0.0, 0.0), (math.nan, 0.0, 0.0)])
 def test_no_input_raises_in_the_hot_path(law, v):
     """No friction at all, underflow, overflow, not a number: the answer is a solution, finite for finite input."""

@@ -24,14 +24,7 @@ def test_events_survive_the_way_through_their_lines(
 
 @pytest.mark.parametrize(
     "line",
-    [
-        "",
-        "error: a line for people",
-        '{"event": "unheard of"}',
-        '{"event": ["list"]}',
-        '{"event"',
-        '{"other": 1}',
-    ],
+    ["", "error: a line for people", '{"event": "unheard of"}', '{"event": ["list"]}', '{"event"', '{"other": 1}'],
 )
 def test_other_lines_are_no_events(line: str) -> None:
     assert decode(line) is None

@@ -74,8 +74,7 @@ def test_cycle_times() -> None:
     assert first["slip_age_s"] == pytest.approx(5.0)
     stamp_ns += 1_000_000
     second = named(
-        timing.SCALARS,
-        cycles.add(1_101_000, 1_301_000, stamp_ns, ledger(1, stamp_ns, stamp_ns - 2_000_000, stamp_ns)),
+        timing.SCALARS, cycles.add(1_101_000, 1_301_000, stamp_ns, ledger(1, stamp_ns, stamp_ns - 2_000_000, stamp_ns))
     )
     assert second["period_s"] == pytest.approx(1.1e-3)
     assert second["wrench_age_s"] == pytest.approx(2e-3)

@@ -15,6 +15,7 @@ from slip_vic_controller.safety.validation import (
     VectorInput,
     VectorLimits,
     frozen,
+    rebase_vector,
     vector_validity,
 )
 from slip_vic_controller.session.arrival import receive_joint_state, receive_slip, receive_wrench
@@ -96,7 +97,7 @@ def test_vector_faults(is_slip: bool) -> None:
         of = (v.state.slip_inputs if is_slip else v.state.wrench_inputs)[0]
         for bad in (1, 2) if fault != Reason.NONE else (0,):
             assert v.vector(is_slip, at(5)[0] + shift_ns, given, at(5)[1]) == fault, values
-            assert (of.bad, of.fault, of.fault_ns) == (bad, fault, at(5)[1])
+            assert (of.bad, of.fault, of.fault_ns, of.counts[fault]) == (bad, fault, at(5)[1], bad)
     invalid = receive_slip(v.config, v.buffer, 0, at(6)[0], QUIET, False, False, at(6)[1])
     assert invalid == Reason.INVALID
 
@@ -166,6 +167,14 @@ def test_each_limit_of_a_vector_on_both_sides(state: dict[str, int], now: int, j
     for name, value in state.items():
         setattr(of, name, value)
     assert call(vector_validity, limits, of, now, joint, False) == reason
+
+
+@pytest.mark.parametrize(("joint_ns", "left"), [(95, (1, Reason.ABSURD, 3)), (94, (0, Reason.NONE, 0))])
+def test_a_sample_ahead_of_a_new_clock_is_forgotten(joint_ns: int, left: tuple[int, ...]) -> None:
+    limits, of = blank(VectorLimits), blank(VectorInput)
+    limits.future_ns, of.known, of.stamp_ns, of.fault, of.bad = 5, 1, 100, Reason.ABSURD, 3
+    call(rebase_vector, limits, of, joint_ns)
+    assert (of.known, of.fault, of.bad) == left
 
 
 def test_joints_freeze_after_their_limit() -> None:

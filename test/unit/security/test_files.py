@@ -270,11 +270,7 @@ def test_a_chunk_is_what_was_compressed() -> None:
     schema = RecordBuilder()
     Schema(1, os.urandom(5000) + bytes(100_000), "ros2msg", "a/msg/B").write(schema)
     data = schema.end()
-    for compression, packed in (
-        ("zstd", zstandard.compress(data)),
-        ("lz4", lz4.frame.compress(data)),
-        ("", data),
-    ):
+    for compression, packed in (("zstd", zstandard.compress(data)), ("lz4", lz4.frame.compress(data)), ("", data)):
         good = Chunk(compression, packed, 0, 0, zlib.crc32(data), len(data))
         again = RecordBuilder()
         for record in chunk_records(good):
