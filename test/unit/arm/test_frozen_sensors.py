@@ -17,7 +17,7 @@ from test.support.watched_loop import WatchedLoop, with_joints
 from test.unit.arm.test_estimator import MS, N, T, configuration
 
 EVERY = slice(None)
-MOVES_MS = {"paper_planar": 1500, "vertical_plane": 1200, "glass_transport": 900}
+MOVES_MS = {"paper_planar": 1400, "vertical_plane": 1100, "glass_transport": 800}
 """When it fails: while the arm moves."""
 UNMEASURED = 0.05
 """Error of a velocity that has not been measured for 0.15 s, where the disturbance is known to 0.3 rad/s^2 [rad/s]."""

@@ -31,7 +31,7 @@ class Paused(WatchedLoop):
 
     def pause(self, count: int) -> Any:
         """Return the last result of a pause that begins when the law does."""
-        self.cycles(430)
+        self.cycles(330)
         return self.cycles(count, paused=True)
 
 

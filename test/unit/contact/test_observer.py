@@ -256,6 +256,13 @@ def test_samples_of_a_tick_are_one() -> None:
     assert ends[0].P_vv < single.state.axes[0].P_vv
 
 
+@pytest.mark.parametrize(("late_ns", "ticks"), [(0, 0), (MS - 1, 0), (MS, 1), (2 * MS - 1, 1), (3 * MS, 3)])
+def test_a_sample_counts_at_the_first_tick_not_before_its_stamp(late_ns: int, ticks: int) -> None:
+    observer, stamp_ns = sliding_observer()
+    assert observer.observe(make_motion(six(x=0.02)), stamp_ns + MS, [(stamp_ns + MS - late_ns, six(x=0.021))])
+    assert np.flatnonzero(ordered_rows(observer)["samples"]).tolist() == [observer.state.rows - 1 - ticks]
+
+
 @pytest.mark.parametrize("above", [-0.5, 0.5])
 def test_the_sample_mean_has_a_limit(above: float) -> None:
     observer = Observer(make_params(**SENSOR))

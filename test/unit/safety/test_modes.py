@@ -43,7 +43,7 @@ POLICY = Policy(auto_enable=True, resume_after_ns=100)
 MANUAL = Policy(auto_enable=False, resume_after_ns=100)
 GOOD, MISSING = NOTHING, Why(Reason.WAITS.value, 0, 0, 8, 0.0, 0.0)
 FAULTY = Why(Reason.FALLS.value, 0, 0, 0, 0.5, 0.0)
-BAD, DEGRADED = because(Reason.TARE, 0), because(Reason.PATH_WAITS, 0)
+BAD, TARE, DEGRADED = because(Reason.WRENCH, Reason.SILENT), because(Reason.TARE, 0), because(Reason.PATH_WAITS, 0)
 FOUND = (GOOD, BAD, FAULTY, MISSING, DEGRADED)
 H, F = describe(BAD, ()), describe(FAULTY, ())
 USERS = tuple(because(reason, 0) for reason in (Reason.ASKED, Reason.STOPPING, Reason.NOT_ENABLED))
@@ -120,6 +120,7 @@ def test_input_hold_ends_by_itself() -> None:
     assert run(POLICY, *steps, (GOOD, Request.NONE, 99)).mode == Mode.HOLD
     assert run(POLICY, *steps, (GOOD, Request.NONE, 100)).mode == Mode.ACTIVE
     assert run(POLICY, *steps, (BAD, Request.NONE, 99), (GOOD, Request.NONE, 50)).mode == Mode.HOLD
+    assert run(POLICY, *steps, (TARE, Request.NONE, 99), (GOOD, Request.NONE, 1)).mode == Mode.ACTIVE  # its time counts
 
 
 def test_requested_hold_stays() -> None:
