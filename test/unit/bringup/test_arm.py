@@ -215,6 +215,7 @@ def test_the_way_follows_the_path() -> None:
     for q, point in zip(way.joints, path, strict=True):
         np.testing.assert_allclose(arm.robot.frame(q)[0], origin + point[:3], atol=REACHED)
     assert path[-1].tolist() == pytest.approx([0.4, 0.3, 0.0, 0.0, 0.0, 0.8])
+    assert way.sigma == pytest.approx(min(np.linalg.svd(arm.robot.frame(q)[2])[1][-1] for q in way.joints))
 
 
 def test_a_smaller_path_has_equal_accelerations() -> None:

@@ -19,7 +19,7 @@ from slip_core.arrays import Array, matrix_from_quat_xyzw
 from slip_core.errors import InputError
 from slip_core.types import PadMotion
 from slip_vic.cli import cli
-from slip_vic.retime.certificate import Motion, certified, load_shares, motion_of
+from slip_vic.retime.certificate import Motion, certified, load_shares, motion_of, pad_wrench
 from slip_vic.retime.command import governed
 from slip_vic.retime.path import POSE_COLUMNS, PadPath, Points, deviation, read_points, smooth_time
 from slip_vic.run.in_process import run_in_process
@@ -63,6 +63,15 @@ def arrival_in_closed_loop(loaded: Scenario) -> float:
         if began and tick.time_s > ended + RESTS_S:
             break
     return ended - began
+
+
+def test_a_turned_world_has_turned_wrenches() -> None:
+    settings = ("object.inertia=[1e-3,2e-3,2.5e-3,1e-4,2e-4,3e-4]", "gravity=[0,0,0]")
+    params, rng = load("paper_planar", set=settings).controller, np.random.default_rng(0)
+    x, (v, a), (Q, R) = rng.normal(size=3), rng.normal(size=(2, 6)), Rotation.random(2, rng=1).as_matrix()
+    turn = np.kron(np.eye(2), Q)
+    turned = pad_wrench(params, PadMotion(Q @ x, Q @ R, turn @ v, turn @ a))
+    np.testing.assert_allclose(turned, turn @ pad_wrench(params, PadMotion(x, R, v, a)), rtol=EXACT)
 
 
 def load_by_mujoco(loaded: Scenario, motion: Motion) -> Array:

@@ -112,4 +112,6 @@ def test_words_of_missing_inputs() -> None:
     absurd = Why(Reason.WAITS, Reason.ABSURD, 0, Missing.GOOD_JOINT_STATE, 0.0, 0.0)
     assert describe(absurd, ()) == "waits for a good joint state (it is absurdly large: wrong unit?)"
     assert describe(NOTHING, ()) == ""
+    for which, name in ((-1, "the pad"), (0, "a"), (1, "b")):
+        assert describe(Why(Reason.TOO_FAST, 0, 0, which, 1.0, 0.5), ("a", "b")).startswith(f"{name} moves")
     assert because(Reason.TARE, Reason.ABSURD) == Why(Reason.TARE, Reason.ABSURD, 0, 0, 0.0, 0.0)
