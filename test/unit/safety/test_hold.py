@@ -11,7 +11,7 @@ import pytest
 
 from slip_core.records import dtype_of, new, record
 from slip_core.vectors import Vec
-from slip_vic_controller.arm.estimator import JointRecord
+from slip_vic_controller.arm.estimator import SLOW_S, JointRecord
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.params.controller_params import SafetyParams
 from slip_vic_controller.safety.conditions import Mode
@@ -111,9 +111,9 @@ def test_a_joint_that_friction_holds_elsewhere_stays(friction: float, stays: boo
     case, M = Random(0, 3), 4.0 * np.eye(3)
     case.qd[:] = 0.0
     case.hold.posture[:3] = case.q + 0.02
-    call(keep_posture, case.config, case.hold, case.sample, np.ones(3), M, np.full(3, friction))
+    call(keep_posture, case.config, case.hold, case.sample, np.ones(3), M, np.full(3, friction), 0.1)
     assert 10.0 < 225.0 * 4.0 * 0.02 < 20.0
-    np.testing.assert_array_equal(case.hold.posture[:3] == case.q, stays)
+    np.testing.assert_allclose(case.hold.posture[:3] - case.q, 0.02 * (1.0 - (0.1 / SLOW_S if stays else 0.0)))
 
 
 def test_fast_joint_takes_its_posture_along() -> None:

@@ -514,13 +514,7 @@ def _reject(config: EstimatorConfig, state: JointEstimate, j: int, trust: int) -
 
 @part
 def oppose_disturbance(
-    config: EstimatorConfig,
-    state: JointEstimate,
-    M: Array,
-    of_wrench: Array,
-    dt: float,
-    judged: bool,
-    torque: Array,
+    config: EstimatorConfig, state: JointEstimate, M: Array, of_wrench: Array, dt: float, judged: bool, torque: Array
 ) -> None:
     """Take the disturbance off the effort, inside its bound and rate, and look for jumps and lasting excess.
 

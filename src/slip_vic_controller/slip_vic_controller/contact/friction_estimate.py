@@ -176,12 +176,7 @@ def slip_threshold(config: FrictionConfig, found: bool) -> float:
 
 @part
 def slip_sample(
-    config: FrictionConfig,
-    contact: ContactEstimate,
-    state: FrictionEvidence,
-    stamp_ns: int,
-    slip: Spatial,
-    found: bool,
+    config: FrictionConfig, contact: ContactEstimate, state: FrictionEvidence, stamp_ns: int, slip: Spatial, found: bool
 ) -> None:
     """Update with a slip sample: whether the contact slips, and friction at the start of a slip.
 

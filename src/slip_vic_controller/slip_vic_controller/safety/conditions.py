@@ -57,12 +57,7 @@ class Reason(IntEnum):
     clears: bool
 
     def __new__(
-        cls,
-        number: int,
-        words: str = "",
-        mode: Mode = Mode.ACTIVE,
-        lasts_s: float = 0.0,
-        clears: bool = True,
+        cls, number: int, words: str = "", mode: Mode = Mode.ACTIVE, lasts_s: float = 0.0, clears: bool = True
     ) -> Reason:
         """Make a row; a FAULT never clears by itself."""
         row = int.__new__(cls, number)

@@ -8,7 +8,7 @@ from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.records import Mat3, Real, Record, Vec3, Whole
 from slip_core.vectors import ZERO, Mat, Spatial, Vec, mat, vec
-from slip_vic_controller.arm.estimator import MOVES, JointRecord
+from slip_vic_controller.arm.estimator import MOVES, SLOW_S, JointRecord
 from slip_vic_controller.law.arm import Arm, column
 from slip_vic_controller.sizes import Joints
 
@@ -114,13 +114,14 @@ def hold_effort(
 
 @part
 def keep_posture(
-    config: HoldConfig, state: Hold, sample: JointRecord, velocity_limit: Array, M: Array, friction: Array
+    config: HoldConfig, state: Hold, sample: JointRecord, velocity_limit: Array, M: Array, friction: Array, dt: float
 ) -> None:
-    """Let a joint that is too fast, or rests elsewhere where friction holds it, stay: the posture is where it is.
+    """Let a joint that is too fast stay: the posture is where it is. To one that rests elsewhere it comes slowly.
 
     The way back of a joint that was thrown would be as fast as it is allowed. And against friction the compensation of
     disturbances grows until the joint breaks loose, long after everything has come to rest. Two joints with parallel
-    axes that are off against each other pull little at either, so the pull of all joints counts.
+    axes that are off against each other pull little at either, so the pull of all joints counts. What rests may also
+    be a load against the pull, as of an object that has turned on the pad: let go, it would start again.
 
     Args:
         config: of HOLD.
@@ -129,6 +130,7 @@ def keep_posture(
         velocity_limit: (n,) [rad/s].
         M: inertia (n, n) [kg m2].
         friction: of the joints, as configured (n,) [N m].
+        dt: period [s].
     """
     n = config.joints
     off = state.posture[:n] - sample.position[:n]
@@ -137,8 +139,10 @@ def keep_posture(
         for k in range(n):
             pull += config.stiffness * M[j, k] * off[k]
         rests = abs(off[j]) > ELSEWHERE and speed < MOVES and abs(pull) < friction[j]
-        if rests or speed > velocity_limit[j]:
+        if speed > velocity_limit[j]:
             state.posture[j] = sample.position[j]
+        elif rests:
+            state.posture[j] -= min(dt / SLOW_S, 1.0) * off[j]  # as fast as disturbances are learnt
 
 
 @part
