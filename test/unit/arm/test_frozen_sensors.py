@@ -119,7 +119,7 @@ def sine(k: int) -> tuple[float, float, float]:
 
 def sampled(frozen: range, joints: Any, steps: int, **values: Any) -> tuple[Any, Any, list[float]]:
     """Return configuration, state and errors of the velocity of joint 1 where joints read the same for some samples."""
-    config, state, rng = (configuration(**values), blank(JointEstimate), np.random.default_rng(3))
+    config, state, rng = configuration(**values), blank(JointEstimate), np.random.default_rng(3)
     kept, errors = np.zeros((2, N)), []
     for k in range(steps):
         q, v, a = sine(k)

@@ -57,7 +57,7 @@ def test_paused_arm_is_not_thrown(name: str, drive: str, law: str) -> None:
 
 def command(**values: Any) -> tuple[Any, Any]:
     """Return configuration and state of a command of N joints."""
-    config, state = (blank(CommandLimits), blank(SentCommand))
+    config, state = blank(CommandLimits), blank(SentCommand)
     config.interface, config.joints = Interface.POSITION, N
     config.velocity[:], config.lower[:], config.upper[:] = 2.0, -1.0, 1.0
     for name, value in values.items():

@@ -214,7 +214,7 @@ def read_rigid(
         root: centre of mass of the whole tree; (3,) [m] {w}.
         p_R_o: {o} to {p}; (3, 3).
         pad_position, pad_rotation: (3,) [m] {w}, (3, 3) {ee} to {w}.
-        out: (2 n + 54,); its yield of the pad, which is rigid, stays as it is.
+        out: (2 n + 54,), all but `pad_yield`: a rigid pad does not yield.
 
     Implements: h_ee of Eq. (1), v_s of Eq. (14), v_o of Eq. (10).
     """

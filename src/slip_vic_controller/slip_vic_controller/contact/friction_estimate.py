@@ -79,7 +79,7 @@ class FrictionEvidence(Record):
     said_ns: Whole  # stamp of the first of them
     last_ns: Whole  # and of the newest sample that is no outlier
     way: Vec6  # m, that they have slipped; turning at the torsional radius
-    suspected_at: Real  # N, load at which the observer began to find a slip; 0 = it finds none, inf = a sample has told
+    suspected_at: Real  # N, load at which the observer began to find a slip; 0 = it finds none, inf = samples decide
     suspected_ns: Whole  # stamp of that load
 
 

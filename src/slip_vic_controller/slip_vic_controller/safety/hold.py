@@ -116,12 +116,12 @@ def hold_effort(
 def keep_posture(
     config: HoldConfig, state: Hold, sample: JointRecord, velocity_limit: Array, M: Array, friction: Array, dt: float
 ) -> None:
-    """Let a joint that is too fast stay: the posture is where it is. To one that rests elsewhere it comes slowly.
+    """Move the posture to where a joint is: at once if it is too fast, within SLOW_S if it rests elsewhere.
 
     The way back of a joint that was thrown would be as fast as it is allowed. And against friction the compensation of
     disturbances grows until the joint breaks loose, long after everything has come to rest. Two joints with parallel
-    axes that are off against each other pull little at either, so the pull of all joints counts. What rests may also
-    be a load against the pull, as of an object that has turned on the pad: let go, it would start again.
+    axes that are off against each other pull little at either, so the pull of all joints counts. A load may balance the
+    pull too, for example an object that has turned on the pad: without the pull, the joint would start to move again.
 
     Args:
         config: of HOLD.

@@ -375,7 +375,10 @@ class ArmSession:
         return self._session.active and self.begun and self.mode != Mode.WAITING_INPUT
 
     def without_joint_state(self, now_ns: int) -> tuple[CycleResult, bool]:
-        """Run a cycle on the last good joint state; return its result, and whether effort or mode have changed."""
+        """Run a cycle on the last good joint state, in lockstep at its stamp.
+
+        Returns its result, and whether effort or mode have changed.
+        """
         exchange, newest, before = self._session.new_exchange(), self.newest_joint, self._commanded()
         assert newest is not None  # an arm that has begun has sent
         given: CycleInputs = record(exchange[self._inputs], INPUTS)
