@@ -58,7 +58,7 @@ def test_wrong_velocity_names_joint(joint: int, change: Any, finding) -> None:
         qd[joint] = change(q[joint], qd[joint])
         return q, qd
 
-    result = run.cycles(1500, wrong)
+    result = run.cycles(1700, wrong)
     assert result.mode == Mode.FAULT
     name = run.arm.controller.robot.joint_names[joint]
     assert result.reason.startswith(f"{name}: velocity ")

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstring>
 
+#include "words.hpp"
+
 static const int64_t SECOND_NS = 1'000'000'000;
 
 Session::Session(const Settings &settings)
@@ -137,6 +139,10 @@ void Session::set_parameters(const Values &given, const std::string &node) {
   Parameters wanted = parameters_.changed(given, node);
   if (wanted == parameters_) return;
   const Tuning tuning = tune(parameters_, wanted, config_);
+  SlipVic_WhyRecord heavy{};
+  slip_vic_too_heavy(&tuning.config, arm_, inputs_, &heavy);
+  if (arm_->law.known && heavy.reason)
+    throw InputError("parameters object and contacts", describe(heavy, settings_.joint_names), "an object that the arm can hold");
   if (tuning.other_object) arm_->tare.mass_share = 0.0; /* the user's mass replaces that of the tare */
   slip_vic_ramp_to(arm_, &tuning.config.gains, tuning.least_ns);
   config_ = tuning.config;

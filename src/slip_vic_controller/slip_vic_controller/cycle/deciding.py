@@ -32,6 +32,7 @@ from slip_vic_controller.cycle.modes import begin_law, forget_pad, wait
 from slip_vic_controller.cycle.sensing import arm_of_load, model_wrench, tared_wrench
 from slip_vic_controller.governor.layouts import PATH_MARGIN
 from slip_vic_controller.governor.plan import Governing
+from slip_vic_controller.law.arm import Arm
 from slip_vic_controller.path.goals import GoalPhase
 from slip_vic_controller.safety.conditions import (
     NOTHING,
@@ -289,7 +290,11 @@ def decide(c: ArmCycle, arms: Arms, alone: bool) -> None:
     unknown = outputs.health.wrench != Reason.NONE and state.law.known != 0
     if state.law.known == 0:
         begin_law(c)
-        heavy = _too_heavy(config, state, inputs)
+        # No drive can hold it either, so the arm sinks until its lever is short enough: a user decides to begin there.
+        heavy, asked = too_heavy(config, state, inputs.arm), inputs.request
+        stays = asked != Request.ENABLE and asked != Request.RESET_FAULT
+        if heavy.reason == Reason.NONE and stays and state.mode.reason.reason == Reason.TOO_HEAVY:
+            heavy = read_why(state.mode.reason)
         if heavy.reason != Reason.NONE:
             wait(c, heavy)
             return
@@ -370,19 +375,14 @@ def put_time(ledger: WholeArray, at: int, time_ns: int) -> None:
 
 
 @part
-def _too_heavy(config: ControllerConfig, state: ArmState, inputs: CycleInputs) -> Why:
-    """Return why the arm cannot be held where it is, NOTHING where it can.
-
-    No drive can either, so the arm sinks until its lever is short enough: to begin there is for a user to say.
-    """
-    torque = inputs.arm.gravity.copy()
-    carry_load(config.hold, inputs.arm, arm_of_load(config, state), torque)
+def too_heavy(config: ControllerConfig, state: ArmState, arm: Arm) -> Why:
+    """Return why the arm cannot be held where it is, NOTHING where it can."""
+    torque = arm.gravity.copy()
+    carry_load(config.hold, arm, arm_of_load(config, state), torque)
     for j in range(config.law.joints):
         if abs(torque[j]) > config.law.effort_limit[j]:
             return Why(Reason.TOO_HEAVY.value, 0, 0, j, torque[j], config.law.effort_limit[j])
-    asked = inputs.request == Request.ENABLE or inputs.request == Request.RESET_FAULT
-    refused = state.mode.mode == Mode.WAITING_INPUT and state.mode.reason.reason == Reason.TOO_HEAVY
-    return read_why(state.mode.reason) if refused and not asked else NOTHING
+    return NOTHING
 
 
 @part

@@ -86,8 +86,6 @@ def hold(c: ArmCycle) -> None:
     # After a pause something else has held the arm.
     if state.hold.known == 0 or inputs.now_ns - state.now_ns > config.joint.age_ns:
         state.hold.known, state.hold.posture[:n] = 1, sample.position[:n]
-    velocity, period_s = config.command.velocity, 1e-9 * config.period_ns
-    keep_posture(config.hold, state.hold, sample, velocity, inputs.arm.M, config.estimator.friction, period_s)
     pad = pad_rotation(config.law.contact[0], law.slips[0])
     r = arm_of_load(config, state)
     hold_effort(config.hold, state.hold, inputs.arm, sample, pad, r, outputs.wanted)
@@ -99,6 +97,8 @@ def hold(c: ArmCycle) -> None:
     forget(state.observed)
     state.conditions[Reason.SATURATED].since_ns = NEVER
     finish(c, sample.position, sample.velocity)
+    friction, period_s = config.estimator.friction, 1e-9 * config.period_ns
+    keep_posture(config.hold, state.hold, sample, outputs.saturated, inputs.arm.M, friction, period_s)
 
 
 @part

@@ -79,9 +79,6 @@ class Ramp(Record):
     duration_ns: Whole
 
 
-RAMP = dtype_of(Ramp)
-
-
 def make_law_gains(params: ControllerParams, k_s_limit: float) -> Array:
     """Return LAW_GAINS of the parameters, with k_s at most a limit [1/s].
 

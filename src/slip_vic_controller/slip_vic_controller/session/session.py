@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from slip_core.arrays import Array, matrix_from_quat_xyzw, product, readonly
+from slip_core.compiled import interpreted
 from slip_core.errors import InputError
 from slip_core.params import flatten
 from slip_core.records import place, record
@@ -23,6 +24,7 @@ from slip_vic_controller.arm.estimator import JointRecord
 from slip_vic_controller.config.controller import Controller, governed_stream, renew_config
 from slip_vic_controller.config.noise import use_tare
 from slip_vic_controller.cycle.cycle import cycle
+from slip_vic_controller.cycle.deciding import too_heavy
 from slip_vic_controller.interfaces import SlipFromDisplacement
 from slip_vic_controller.law.gains import gain_report
 from slip_vic_controller.params.controller_params import ControllerParams
@@ -240,6 +242,17 @@ class ArmSession:
     def request(self, request: Request) -> None:
         """Request a mode of this arm; the next cycle decides."""
         self._request = int(request)
+
+    def refuse_overload(self, params: ControllerParams) -> None:
+        """Raise InputError where the arm cannot hold the object of `params` in its present posture."""
+        config, inputs = self.config.copy(), np.zeros(INPUTS_SIZE)
+        renew_config(record(config, CONFIG), params)
+        q, qd = self._answers
+        self.controller.robot.terms(q, qd, inputs[_ARM])
+        heavy = interpreted(too_heavy)(record(config, CONFIG), self.state, record(inputs, INPUTS).arm)
+        if self.state.law.known and heavy.reason:
+            name, text = "parameters object and contacts", describe(heavy, self.controller.robot.joint_names)
+            raise InputError(name, got=text, expected="an object that the arm can hold")
 
     def ramp_to(self, params: ControllerParams, target: Array) -> None:
         """Ramp gains and payload to those of `params`; target: its LAW_GAINS."""
@@ -555,6 +568,7 @@ class ControllerSession:
                         fix="restart the node",
                     )  # fmt: skip
             targets.append(gain_report(wanted).gains)
+            arm.refuse_overload(wanted)
         for arm, wanted, target in zip(self.arms, params, targets, strict=True):
             arm.ramp_to(wanted, target)
 
