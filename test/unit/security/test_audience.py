@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import socket
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
@@ -10,7 +12,7 @@ import pytest
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from slip_vic.page.audience import Audience
+from slip_vic.page.audience import MOST, Audience
 
 
 @pytest.fixture
@@ -54,6 +56,19 @@ def test_another_page_of_the_browser_reads_no_live_data(audience: Audience) -> N
         assert [own.recv(5.0), own.recv(5.0)] == ["model", b"model"]
     with pytest.raises(InvalidStatus, match="403"), connect(live, origin="https://attacker.example"):
         pass
+
+
+def test_connections_that_say_nothing_are_bounded(audience: Audience) -> None:
+    idle = [socket.create_connection(("127.0.0.1", audience.port), 5.0) for _ in range(2 * MOST)]
+    for ended in idle[MOST:]:
+        with contextlib.suppress(ConnectionResetError):
+            assert ended.recv(1) == b""
+    for one in idle:
+        one.close()
+    while True:  # until the server has seen that they are closed; pytest ends it otherwise
+        with contextlib.suppress(ConnectionResetError):
+            assert page(audience.port) == 200
+            return
 
 
 def test_who_comes_late_gets_the_newest_of_all(audience: Audience) -> None:

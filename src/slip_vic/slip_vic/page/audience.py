@@ -22,6 +22,18 @@ MODEL: Final = "model"
 HOST: Final = "127.0.0.1"
 OWN: Final = re.compile(r"(localhost|127\.0\.0\.1)(:\d+)?")
 """Host names used by a browser on this machine."""
+MOST: Final = 16
+"""Connections that are served at once, and that wait to be: two browsers take four."""
+
+
+class Connection(ServerConnection):
+    """A connection of a browser, ended at once where too many are there already, whatever they ask for."""
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Begin to serve it."""
+        super().connection_made(transport)
+        if len(self.server.handler_tasks) > MOST:
+            self.transport.abort()
 
 
 class Audience:
@@ -46,8 +58,9 @@ class Audience:
         self._loop, self._over = asyncio.get_running_loop(), asyncio.Event()
         try:
             server = await serve(
-                self._attend, HOST, port, process_request=self._answer, compression=None, ping_interval=None
-            )
+                self._attend, HOST, port, process_request=self._answer, compression=None, ping_interval=None,
+                create_connection=Connection, backlog=MOST,
+            )  # fmt: skip
         except OSError as error:
             started.set_exception(error)
             return
