@@ -227,13 +227,18 @@ def _expected(message: str) -> str:
 
 
 def flat_names(values: Mapping[str, object], prefix: str = "") -> dict[str, Any]:
-    """Return nested groups under dotted names; names that are dotted already stay."""
+    """Return nested groups under dotted names; names that are dotted already stay.
+
+    Raises:
+        InputError: a name twice, once nested and once dotted.
+    """
     flat: dict[str, Any] = {}
     for key, value in values.items():
-        if isinstance(value, Mapping):
-            flat.update(flat_names(value, f"{prefix}{key}."))
-        else:
-            flat[f"{prefix}{key}"] = value
+        name = f"{prefix}{key}"
+        own = flat_names(value, f"{name}.") if isinstance(value, Mapping) else {name: value}
+        if twice := flat.keys() & own.keys():
+            raise InputError(min(twice), got="two values", expected="one, below a nested or a dotted name")
+        flat |= own
     return flat
 
 
@@ -260,7 +265,7 @@ def parse_assignment(text: str) -> tuple[str, Any]:
         raise InputError("--set", got=text, expected="key=value, e.g. controller.gains.k_s=500")
     try:
         read = read_yaml(value)
-    except yaml.YAMLError:
+    except (yaml.YAMLError, UnicodeError):
         raise InputError(f"--set {key}", got=value, expected="a YAML value: a number, a word, or [a, b, c]") from None
     return key.strip(), str(read) if isinstance(read, Doubtful) else read  # there are no lines
 
@@ -293,7 +298,7 @@ def parse_mapping(text: str, origin: str) -> dict[str, Any]:
     """Return the YAML mapping that a text is.
 
     Raises:
-        InputError: where it is not YAML or not a mapping.
+        InputError: where it is not YAML or not a mapping, or has a name twice.
     """
     try:
         content = read_yaml(text)
@@ -305,4 +310,5 @@ def parse_mapping(text: str, origin: str) -> dict[str, Any]:
         raise InputError(where, got=got, expected="valid YAML") from None
     if not isinstance(content, dict):
         raise InputError(origin, got=text.strip()[:40] or "nothing", expected="a YAML mapping of names to values")
+    flat_names(content, f"{origin}: ")
     return content

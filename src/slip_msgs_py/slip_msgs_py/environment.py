@@ -20,7 +20,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final, Literal, NamedTuple, get_args
 
-from slip_core.errors import InputError
+from slip_core.errors import InputError, printable
 
 RANGE: Final = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 LOCALHOST: Final = "LOCALHOST"
@@ -117,4 +117,4 @@ def warn(source: str, text: str) -> None:
     if wanted():
         emit("warning", text=text)
     else:
-        print(f"warning: {source}: {text}", file=sys.stderr, flush=True)
+        print(printable(f"warning: {source}: {text}"), file=sys.stderr, flush=True)

@@ -8,14 +8,16 @@ from __future__ import annotations
 import contextlib
 import gc
 import importlib
+import itertools
 import os
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from slip_core.errors import SlipVicError
+from slip_core.errors import SlipVicError, printable
 from slip_msgs_py.environment import choose_transport, is_of_ros, no_ros, wanted
 from slip_msgs_py.stop_flag import SIGNALS, StopFlag, ending
 
@@ -100,9 +102,14 @@ def _run(factory: Callable[[], Any], stop: StopFlag) -> int:
     from rclpy.executors import ExternalShutdownException
     from rclpy.signals import SignalHandlerOptions
 
+    from slip_core.params import load_yaml
+
     choose_transport()
     node: Any = None
     try:
+        for flag, file in itertools.pairwise(sys.argv):
+            if flag == "--params-file":  # rcl waits for the end of a FIFO, and takes the last of two values
+                load_yaml(Path(file))
         rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
         node = factory()
         node.run(stop)
@@ -112,7 +119,7 @@ def _run(factory: Callable[[], Any], stop: StopFlag) -> int:
         print(f"error: {error}", file=sys.stderr, flush=True)
         return error.exit_code
     except (rclpy._rclpy_pybind11.RCLError, rclpy._rclpy_pybind11.UnknownROSArgsError) as error:
-        print(f"error: ROS refused to start: {' '.join(str(error).split())}", file=sys.stderr, flush=True)
+        print(f"error: ROS refused to start: {printable(' '.join(str(error).split()))}", file=sys.stderr, flush=True)
         return 2
     finally:
         if node is not None:

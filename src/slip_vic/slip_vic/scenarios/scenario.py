@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, get_args
 
 import numpy as np
 import yaml
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from slip_core.arms import ONE_ARM, params_of_arms
-from slip_core.errors import InputError, UnknownName
+from slip_core.errors import InputError, UnknownName, printable
 from slip_core.files.urdf import on_base
 from slip_core.files.urdf_file import arm_urdf
-from slip_core.grasp_params import BaseParams, Three
+from slip_core.grasp_params import ArmParams, BaseParams, Three
 from slip_core.params import (
     Assignments,
     ParameterModel,
@@ -33,7 +33,7 @@ from slip_core.params import (
 from slip_sim_bridge.params import BridgeParams
 from slip_vic.presets import preset_text
 from slip_vic.presets.models import DrivePreset, GripperPreset, Preset, SensorPreset, load_preset
-from slip_vic_controller.params.controller_params import ControllerParams, GainParams
+from slip_vic_controller.params.controller_params import ControllerParams
 
 if TYPE_CHECKING:
     from slip_vic.experiments.law import Law as OwnLaw
@@ -101,7 +101,7 @@ class ScenarioFile(ParameterModel):
     shared, controller, bridge are those of every arm; several arms are below `arms`, each with its base and grasp.
     """
 
-    name: str
+    name: Annotated[str, AfterValidator(printable)]
     description: str
     sources: str | list[str] = Field(default_factory=list)
     duration_s: float = Field(gt=0.0)
@@ -316,19 +316,19 @@ def law_settings(law: Law, arms: int, given: Mapping[str, Any]) -> dict[str, Any
 
 def stiffened(values: Mapping[str, Any]) -> dict[str, Any]:
     """Return stiffness and damping of a controller, axes softer than `STIFF` raised to it, their damping ratio kept."""
-    gains = GainParams()
-    stiffness = np.array(values.get("gains.stiffness", gains.stiffness), float)
-    factor = np.maximum(1.0, np.repeat(STIFF, 3) / stiffness)
-    damping = np.sqrt(factor) * values.get("gains.damping", gains.damping)
-    return {"gains.stiffness": (factor * stiffness).tolist(), "gains.damping": damping.tolist()}
+    given = {name: value for name, value in values.items() if name in ("gains.stiffness", "gains.damping")}
+    gains = build(ControllerParams, given, "scenario").gains
+    factor = np.maximum(1.0, np.repeat(STIFF, 3) / gains.stiffness)
+    stiffness, damping = factor * gains.stiffness, np.sqrt(factor) * gains.damping
+    return {"gains.stiffness": stiffness.tolist(), "gains.damping": damping.tolist()}
 
 
 def _own_contacts(own: NodeValues, law: Law) -> None:
     """Let the bridge have its own contact only, and the controller too where the law has its own wrench alone."""
     for node in ("bridge", "controller") if law in OWN_WRENCH else ("bridge",):
         for key, count in (("position", 3), ("orientation_xyzw", 4), ("slip_axes", 6)):
-            if f"contacts.{key}" in own[node]:
-                own[node][f"contacts.{key}"] = own[node][f"contacts.{key}"][:count]
+            if isinstance(value := own[node].get(f"contacts.{key}"), list | tuple):
+                own[node][f"contacts.{key}"] = value[:count]
 
 
 def _apply_parameters(values: dict[str, NodeValues], parameters: Mapping[str, Any], *, keep_sensor: bool) -> None:
@@ -354,15 +354,17 @@ def read_parameters(file: Path) -> dict[str, Any]:
     if not nodes:
         return flat_names(content)
     wanted = NODES["controller"][0]
-    found = [node for name, node in nodes.items() if name.rpartition("/")[2] in (wanted, "**")]
-    if not found:
-        raise InputError(f"file {file}", got=f"parameters of {', '.join(nodes)}", expected=f"parameters of {wanted}")
-    return flat_names(found[0]["ros__parameters"])
+    found = [node["ros__parameters"] for name, node in nodes.items() if name.rpartition("/")[2] in (wanted, "**")]
+    if len(found) != 1 or not isinstance(found[0], dict):
+        got, expected = f"parameters of {', '.join(nodes)}", f"one mapping of names to values, parameters of {wanted}"
+        raise InputError(f"file {file}", got=got, expected=expected)
+    return flat_names(found[0])
 
 
 def apply_preset(values: NodeValues, preset: Preset) -> None:
     """Let the bridge simulate what a preset holds, and set the controller to match."""
-    joints = len(values["bridge"].get("joint_names", BridgeParams.model_fields["joint_names"].default))
+    given = {name: value for name, value in values["bridge"].items() if name == "joint_names"}
+    joints = len(build(ArmParams, given, "scenario").joint_names)
     for name, value in flatten(preset).items():
         part, _, own = name.partition(".")
         if part in PARTS:
@@ -412,7 +414,7 @@ def _values(outer: ScenarioFile, arm: str) -> NodeValues:
         "contacts.position": [x for grasp in grasps for x in grasp.position],
         "contacts.orientation_xyzw": [x for grasp in grasps for x in grasp.orientation_xyzw],
     }
-    if axes is not None:
+    if isinstance(axes, list):
         contacts["contacts.slip_axes"] = [*axes] * len(grasps)
     base = {f"base.{name}": value for name, value in flatten(own.base).items()}
     for node, inner in (("controller", own.controller), ("bridge", own.bridge)):
