@@ -20,6 +20,11 @@ _BAG = click.argument("bag_path", metavar="BAG", type=_FOLDER)
 _DOMAIN = click.option("--domain-id", type=click.IntRange(0, 232), help="ROS domain id; default ROS_DOMAIN_ID, else 0")
 
 
+def echo(text: object, *, err: bool = False) -> None:
+    """Print a text as a terminal can show it, whatever names are in it."""
+    click.echo(printable(str(text)), err=err)
+
+
 @click.group()
 def bag() -> None:
     """Record, inspect, play and recover ROS 2 bags (rosbag2 folders with MCAP files)."""
@@ -34,16 +39,16 @@ def info(bag_path: Path) -> None:
     opened = Bag(bag_path)
     start_ns, end_ns = opened.span_ns or (0, 0)
     start, duration_s = datetime.datetime.fromtimestamp(start_ns // 10**9, datetime.UTC), 1e-9 * (end_ns - start_ns)
-    click.echo(printable(f"bag {opened.path}: {opened.file.name}, {opened.size_bytes / 2**20:.2f} MiB"))
-    click.echo(f"{opened.message_count} messages in {duration_s:.3f} s from {start:%Y-%m-%d %H:%M:%S} UTC")
+    echo(f"bag {opened.path}: {opened.file.name}, {opened.size_bytes / 2**20:.2f} MiB")
+    echo(f"{opened.message_count} messages in {duration_s:.3f} s from {start:%Y-%m-%d %H:%M:%S} UTC")
     for name, data in opened.attachments.items():
-        click.echo(printable(f"attachment {name}, {len(data)} B"))
+        echo(f"attachment {name}, {len(data)} B")
     for key, value in opened.custom_data.items():
-        click.echo(printable(f"{key}: {value}"))
+        echo(f"{key}: {value}")
     for name, topic in opened.topics.items():
         rate = f"{topic.message_count / duration_s:.2f} Hz" if duration_s > 0.0 else "no rate"
         qos = "; ".join(sorted({f"{one.reliability}, {one.durability}" for one in topic.qos})) or "no QoS"
-        click.echo(printable(f"{name} [{topic.type_name}]: {topic.message_count} messages, {rate}, {qos}"))
+        echo(f"{name} [{topic.type_name}]: {topic.message_count} messages, {rate}, {qos}")
 
 
 @bag.command()
@@ -54,7 +59,7 @@ def recover(bag_path: Path, output: Path | None) -> None:
     from slip_bags.recover import recover as run_recover
 
     target = output or bag_path.with_name(f"{bag_path.stem if bag_path.is_file() else bag_path.name}_recovered")
-    click.echo(f"{target}: {run_recover(bag_path, target)}")
+    echo(f"{target}: {run_recover(bag_path, target)}")
 
 
 @bag.command()
@@ -64,23 +69,14 @@ def recover(bag_path: Path, output: Path | None) -> None:
 @click.option("--attach", type=(str, _FOLDER), multiple=True, metavar="NAME FILE", help="store a file in the bag")
 @click.option("--custom-data", type=(str, str), multiple=True, metavar="KEY TEXT", help="store it in metadata.yaml")
 @click.option(
-    "--namespace",
-    callback=checked_namespace,
-    default="/",
-    show_default=True,
+    "--namespace", callback=checked_namespace, default="/", show_default=True,
     help="of the recorder's node and of relative names",
-)
+)  # fmt: skip
 @_DOMAIN
 def record(
-    *,
-    topics: tuple[str, ...],
-    output: Path | None,
-    everything: bool,
-    attach: tuple[tuple[str, Path], ...],
-    custom_data: tuple[tuple[str, str], ...],
-    namespace: str,
-    domain_id: int | None,
-) -> None:
+    *, topics: tuple[str, ...], output: Path | None, everything: bool, attach: tuple[tuple[str, Path], ...],
+    custom_data: tuple[tuple[str, str], ...], namespace: str, domain_id: int | None,
+) -> None:  # fmt: skip
     """Record topics until Ctrl-C; QoS follows the publishers, topics may appear late."""
     from slip_bags.recorder import Recorder
     from slip_bags.writer import BagWriter
@@ -96,11 +92,11 @@ def record(
             attachments[name] = file.read()
     folder = output or Path(f"rosbag2_{datetime.datetime.now():%Y_%m_%d-%H_%M_%S}")
     with StopFlag() as stop, ros_node("recorder", namespace, domain_id) as node:
-        click.echo(f"recording into {folder}; Ctrl-C ends", err=True)
+        echo(f"recording into {folder}; Ctrl-C ends", err=True)
         with contextlib.closing(BagWriter(folder, dict(custom_data), attachments)) as writer:
             messages, lost = Recorder(node, writer, topics, everything=everything).run(stop)
     emit("done", bag=str(folder), messages=messages, lost=lost)
-    click.echo(f"{folder}: {messages} messages, {lost} lost")
+    echo(f"{folder}: {messages} messages, {lost} lost")
 
 
 @bag.command()
@@ -119,7 +115,7 @@ def play(*, bag_path: Path, rate: float, loop: bool, topics: tuple[str, ...], do
     opened = Bag(bag_path)
     with StopFlag() as stop, ros_node("player", domain=domain_id) as node:
         played = run_player(node, opened, topics, rate=rate, loop=loop, stop=stop)
-        click.echo(f"{'stopped: ' if stop() else ''}{played} messages")
+        echo(f"{'stopped: ' if stop() else ''}{played} messages")
 
 
 def run_command(group: click.Group, name: str) -> int:
@@ -136,7 +132,7 @@ def run_command(group: click.Group, name: str) -> int:
     except click.exceptions.Exit as end:
         return end.exit_code
     except click.exceptions.NoArgsIsHelpError as error:
-        click.echo(error.format_message())
+        echo(error.format_message())
         return 0
     except click.ClickException as error:
         command = error.ctx.command_path if isinstance(error, click.UsageError) and error.ctx else name
@@ -162,7 +158,7 @@ def run_command(group: click.Group, name: str) -> int:
         if not stop() and not isinstance(error, KeyboardInterrupt | click.Abort):
             raise
         line = "interrupted"
-    click.echo(f"error: {line}", err=True)
+    echo(f"error: {line}", err=True)
     return code
 
 

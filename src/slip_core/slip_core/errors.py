@@ -16,7 +16,7 @@ class SlipVicError(Exception):
 
     def __str__(self) -> str:
         """Return the error as a terminal can show it, whatever a file's names are."""
-        return "\n".join(map(printable, super().__str__().split("\n")))
+        return printable(super().__str__())
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Come back from a worker process as what it is, without its arguments."""
@@ -24,8 +24,8 @@ class SlipVicError(Exception):
 
 
 def printable(text: str) -> str:
-    """Return a text from elsewhere without control characters: each is shown as its escape sequence."""
-    return "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in text)
+    """Return a text from elsewhere without control characters but new lines: each is shown as its escape sequence."""
+    return "".join(sign if sign.isprintable() or sign == "\n" else ascii(sign)[1:-1] for sign in text)
 
 
 class InputError(SlipVicError):
@@ -57,15 +57,7 @@ class UnknownName(InputError):
         fix: what else can be done; may be empty.
     """
 
-    def __init__(
-        self,
-        kind: str,
-        name: str,
-        known: Iterable[str],
-        *,
-        where: str = "",
-        fix: str = "",
-    ) -> None:
+    def __init__(self, kind: str, name: str, known: Iterable[str], *, where: str = "", fix: str = "") -> None:
         expected = nearest(name, known)
         super().__init__(f"{kind} {name}", got="an unknown name", expected=expected, fix=fix)
         place = f"{where}: " if where else ""

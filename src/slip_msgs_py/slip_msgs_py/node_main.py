@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from slip_core.errors import SlipVicError, printable
+from slip_core.params import load_yaml
 from slip_msgs_py.environment import choose_transport, is_of_ros, no_ros, wanted
 from slip_msgs_py.stop_flag import SIGNALS, StopFlag, ending
 
@@ -101,8 +102,6 @@ def _run(factory: Callable[[], Any], stop: StopFlag) -> int:
     import rclpy
     from rclpy.executors import ExternalShutdownException
     from rclpy.signals import SignalHandlerOptions
-
-    from slip_core.params import load_yaml
 
     choose_transport()
     node: Any = None

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from slip_bags.cli import bag, run_command
+from slip_bags.cli import bag, echo, run_command
 from slip_core.errors import InputError
 from slip_core.topics import checked_namespace
 from slip_vic import __version__
@@ -47,16 +47,9 @@ def cli() -> None:
 @click.option("--in-process", is_flag=True, help="run both nodes in this process, without DDS or ROS")
 @click.option("--page", type=click.Path(path_type=Path), help="write the page of the run")
 def run(
-    *,
-    choice: Choice,
-    record: Path | None,
-    namespace: str,
-    domain_id: int | None,
-    fifo: int | None,
-    native: Path | None,
-    in_process: bool,
-    page: Path | None,
-) -> None:
+    *, choice: Choice, record: Path | None, namespace: str, domain_id: int | None, fifo: int | None,
+    native: Path | None, in_process: bool, page: Path | None,
+) -> None:  # fmt: skip
     """Run one scenario: bridge, controller and recorder as processes on DDS; --in-process needs no ROS.
 
     Ends with slip, goal error, arrival and changes of mode, except after more than a minute without --record.
@@ -99,23 +92,23 @@ def run(
             with progress(console, unit=" s") as add_bar:
                 result = launcher.run(
                     add_bar(f"{loaded.name} {loaded.law}", loaded.duration_s),
-                    lambda domain: click.echo(f"ROS domain {domain}; slip-vic watch shows the run"),
+                    lambda domain: echo(f"ROS domain {domain}; slip-vic watch shows the run"),
                 )
             done = None if result.bag is None else judge_bag(result.bag, loaded, result.incidents)
         bad = [str(incident) for incident in result.incidents]
         for line in result_lines(result):
-            click.echo(line)
+            echo(line)
         for line in result.warnings:
-            click.echo(f"warning: {line}", err=True)
+            echo(f"warning: {line}", err=True)
         if record is not None:
-            click.echo(f"bag: {record} ({result.messages} messages, {result.lost} lost)")
+            echo(f"bag: {record} ({result.messages} messages, {result.lost} lost)")
     if done is not None:
         for line in summary_lines(done):
-            click.echo(line)
+            echo(line)
         if page is not None:
-            click.echo(f"page: {done.page(page)}")
+            echo(f"page: {done.page(page)}")
         elif record is not None:
-            click.echo(f"page: {shlex.join(['slip-vic', 'report', str(record), '-o', 'report.html'])}")
+            echo(f"page: {shlex.join(['slip-vic', 'report', str(record), '-o', 'report.html'])}")
     end_with(bad)
 
 
@@ -184,7 +177,7 @@ def params(scenarios: tuple[str, ...], out: Path, reference: bool) -> None:
     files = pages or config_files(list(scenarios))
     write_files(out, files)
     for name in files:
-        click.echo(str(out / name))
+        echo(out / name)
 
 
 @cli.command()
@@ -201,7 +194,7 @@ def report(bags: tuple[Path, ...], out: Path) -> None:
         labels = [str(path) for path in bags]
     runs = {label: read_data(path) for label, path in zip(labels, bags, strict=True)}
     write_page(out, runs, command=shlex.join(["slip-vic", *sys.argv[1:]]))
-    click.echo(f"{out}: {out.stat().st_size / 1e6:.2f} MB")
+    echo(f"{out}: {out.stat().st_size / 1e6:.2f} MB")
 
 
 @cli.command()
@@ -225,11 +218,11 @@ def watch(namespace: str, domain_id: int | None, port: int) -> None:
     runs = domains_in_use()
     domain = (runs or [0])[0] if domain_id is None else domain_id
     audience = Audience(port)
-    click.echo(f"http://127.0.0.1:{audience.port}/  (Ctrl-C ends)")
+    echo(f"http://127.0.0.1:{audience.port}/  (Ctrl-C ends)")
     try:
         here = "a run of slip-vic" if domain in runs else "joint_states and robot_description"
         with StopFlag() as stop, ros_node("slip_vic_watch", domain=domain) as node:
-            click.echo(f"watching ROS domain {domain} for {here}", err=True)
+            echo(f"watching ROS domain {domain} for {here}", err=True)
             run_watch(node, audience, namespace, stop)
     finally:
         audience.close()
@@ -253,10 +246,10 @@ def verify(bag_path: Path) -> None:
     runs = read_run(opened)
     with Console(stderr=True).status("replaying"):
         verdict = verify_run(runs)
-    click.echo(verdict.text())
+    echo(verdict.text())
     if not verdict.identical:
         for note in other_software(software_of(opened)):
-            click.echo(f"note: {note}")
+            echo(f"note: {note}")
         raise click.exceptions.Exit(1)
 
 
@@ -276,7 +269,7 @@ def retime(*, path: Path, choice: Choice, out: Path) -> None:
     from slip_vic.retime.command import run_retime
 
     for line in run_retime(path, choice, out):
-        click.echo(line)
+        echo(line)
 
 
 for _command in (arm, bag, benchmark, bringup, check, export, identify, study, tune):

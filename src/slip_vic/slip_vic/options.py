@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import click
 
+from slip_bags.cli import echo
 from slip_core.files.resources import add_package
 
 Choice = dict[str, Any]
@@ -66,13 +67,11 @@ _OF_CHOICE: Final[Mapping[str, Decorator]] = {
     "drive": DRIVE,
     "gripper": click.option("--gripper", default="", help="name or .yaml file of a gripper"),
     "parameters": click.option(
-        "--params",
-        "parameters",
-        type=click.Path(path_type=Path),
+        "--params", "parameters", type=click.Path(path_type=Path),
         help="parameter file of the controller, e.g. of bringup or tune",
     ),
     "set": ASSIGNMENTS,
-}
+}  # fmt: skip
 
 
 def choosing(*parts: str) -> Decorator:
@@ -101,6 +100,6 @@ def end_with(incidents: Iterable[str]) -> None:
     """Report what went wrong, a line each, and end with exit code 1 where anything did."""
     lines = list(incidents)
     for line in lines:
-        click.echo(line, err=True)
+        echo(line, err=True)
     if lines:
         raise click.exceptions.Exit(1)

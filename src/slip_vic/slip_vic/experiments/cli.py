@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 from click.core import ParameterSource
 
+from slip_bags.cli import echo
 from slip_core.errors import UnknownName, require_extra
 from slip_vic.options import (
     ASSIGNMENTS,
@@ -125,20 +126,20 @@ def check(*, choice: Choice, mismatches: tuple[str, ...]) -> None:
 
     prepare()
     report = judged(loaded)
-    click.echo(f"k_s configured {report.asked:g}, used {report.used:.6g} of {report.accepted:.6g} 1/s")
+    echo(f"k_s configured {report.asked:g}, used {report.used:.6g} of {report.accepted:.6g} 1/s")
     for one in report.conditions:
-        click.echo(one.line)
+        echo(one.line)
     if not report.hold:
         raise click.exceptions.Exit(2)
     loaded.check()
     with Console(stderr=True).status("simulates the configured world and its mismatches"):
         rows = list(run_worlds(choice, mismatches))
     if rows[0]["outcome"] == "refused":
-        click.echo(f"refused: {rows[0]['reason']}", err=True)
+        echo(f"refused: {rows[0]['reason']}", err=True)
         raise click.exceptions.Exit(2)
-    click.echo("\n\n".join(tables_of(rows)))
+    echo("\n\n".join(tables_of(rows)))
     failed = {row["mismatch"]: why for row in rows if (why := hindered(row))}
-    click.echo(f"holds in {len(rows) - len(failed)} of {len(rows)} simulated worlds")
+    echo(f"holds in {len(rows) - len(failed)} of {len(rows)} simulated worlds")
     end_with(f"{mismatch}: {why}" for mismatch, why in failed.items())
 
 
@@ -165,7 +166,7 @@ def tune(
     from slip_vic.experiments.world import World
 
     base = World(scenario, sensor, settings=set)
-    click.echo(run_tune(base, law, mismatches, seeds, trials, out, engine, jobs))
+    echo(run_tune(base, law, mismatches, seeds, trials, out, engine, jobs))
 
 
 @click.group()
@@ -217,5 +218,5 @@ def verify(folder: Path, law: str) -> None:
     from slip_vic.experiments.suite import verify_result
 
     count, wrong = verify_result(folder, law)
-    click.echo(f"{folder}: {count} worlds ran again, {'they differ' if wrong else 'all are equal'}")
+    echo(f"{folder}: {count} worlds ran again, {'they differ' if wrong else 'all are equal'}")
     end_with(wrong)

@@ -8,9 +8,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import click
 from rich.console import Console
 
+from slip_bags.cli import echo
 from slip_vic.experiments import suite
 from slip_vic.experiments.engines import ENGINES, Died, Engine
 from slip_vic.experiments.law import find_law
@@ -88,7 +88,7 @@ def fill(path: Path, name: str, worlds: Sequence[World], workers: Engine) -> tup
                 died = len(workers.deaths) - before
                 report(now, f"{died} workers died" if died else "")
     for world, why in workers.deaths[before:]:
-        click.echo(f"a worker died and its run was tried again: {in_words(world.key)}, {why}", err=True)
+        echo(f"a worker died and its run was tried again: {in_words(world.key)}, {why}", err=True)
     keys = {world.key for world in worlds}
     return [row for row in read_rows(path) if key_of(row) in keys], there
 
@@ -113,7 +113,7 @@ def run_study(worlds: Sequence[World], out: Path, engine: str, jobs: int) -> lis
     with ENGINES[engine](jobs) as workers:
         rows, there = fill(out / FILE, out.name, worlds, workers)
     show(rows, out)
-    click.echo(f"{there} of {len(rows)} runs were there already; {out}")
+    echo(f"{there} of {len(rows)} runs were there already; {out}")
     return rows
 
 
@@ -124,4 +124,4 @@ def show(rows: Sequence[Row], out: Path) -> None:
     if not rows:
         return
     write_picture((out / FILE).with_suffix(".png"), rows)
-    click.echo("\n\n".join(tables_of(rows)))
+    echo("\n\n".join(tables_of(rows)))

@@ -18,6 +18,7 @@ from matplotlib.patches import Patch
 from scipy.stats import binomtest
 
 from slip_core.arrays import Array
+from slip_core.errors import printable
 from slip_vic.experiments.run import CARRIED, KINDS, Row, kind_of
 
 GROUPS: Final = ("scenario", "track", "arms", "drive", "mismatch", "sensor")
@@ -140,7 +141,7 @@ def write_picture(path: Path, rows: Sequence[Row]) -> None:
                 low, middle, high = np.quantile(values, QUARTILES)
                 axis.errorbar([middle], [k], xerr=[[middle - low], [high - middle]], fmt="o", color="#1f6fb2", ms=5)
     labels = [" ".join(text for text, differ in zip(key, differs, strict=True) if differ) or key[-1] for key in groups]
-    bars.set_yticks(range(len(groups)), labels)
+    bars.set_yticks(range(len(groups)), map(printable, labels), parse_math=False)
     bars.invert_yaxis()
     bars.set(xlabel="runs")
     handles = [Patch(color=colour) for colour in OUTCOMES.values()]

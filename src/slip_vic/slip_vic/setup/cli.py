@@ -6,10 +6,11 @@ import math
 import shlex
 from collections.abc import Callable
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import click
 
+from slip_bags.cli import echo
 from slip_core.errors import InputError
 from slip_core.topics import checked_namespace
 from slip_vic.options import DOMAIN_ID, DRIVE, PACKAGE, SENSOR, listed, out_option
@@ -28,12 +29,9 @@ AXIS = click.Choice(["x", "-x", "y", "-y", "z", "-z"])
 @click.option("--reach", type=float, default=0.0, show_default=True, help="distance to the pad centre [m]")
 @click.option("--lock", "locks", multiple=True, metavar="JOINT=VALUE", help="lock a joint at a position; repeatable")
 @click.option(
-    "--limit",
-    "limits",
-    multiple=True,
-    metavar="JOINT=EFFORT,VELOCITY",
+    "--limit", "limits", multiple=True, metavar="JOINT=EFFORT,VELOCITY",
     help="limits [N m, rad/s] that the file lacks; one may be empty, JOINT may be *; repeatable",
-)
+)  # fmt: skip
 @listed("--scenario", "paper_planar", "names, comma separated")
 @click.option("--scale", type=click.FloatRange(0.01, 10.0), default=1.0, show_default=True, help="size of the path")
 @DRIVE
@@ -45,22 +43,10 @@ AXIS = click.Choice(["x", "-x", "y", "-y", "z", "-z"])
 )
 @out_option(None, "folder; default: named like the file, here")
 def arm(
-    *,
-    urdf: Path,
-    arguments: tuple[str, ...],
-    link: str,
-    approach: str | None,
-    normal: str | None,
-    reach: float,
-    locks: tuple[str, ...],
-    limits: tuple[str, ...],
-    scenarios: tuple[str, ...],
-    scale: float,
-    drive: str,
-    sensor: str,
-    driver: str | None,
-    out: Path | None,
-) -> None:
+    *, urdf: Path, arguments: tuple[str, ...], link: str, approach: str | None, normal: str | None, reach: float,
+    locks: tuple[str, ...], limits: tuple[str, ...], scenarios: tuple[str, ...], scale: float, drive: str, sensor: str,
+    driver: str | None, out: Path | None,
+) -> None:  # fmt: skip
     """Make a folder from an arm's URDF or xacro file: arm.urdf, scenarios, parameters for the real arm."""
     from slip_core.files.urdf_file import read_urdf
     from slip_vic.presets.models import DrivePreset, load_preset
@@ -83,20 +69,23 @@ def arm(
         by_effort=not drive or load_preset(DrivePreset, drive).drive.interface == "effort",
     )
     for line in made.said:
-        click.echo(line)
-    tasks = {}
+        echo(line)
+    tasks: dict[str, dict[str, Any]] = {}
     for scenario in scenarios:
-        name = Path(scenario).stem
+        if (name := Path(scenario).stem) in tasks:
+            raise InputError(
+                f"--scenario {scenario}", got=f"the name {name}", expected="another name for each scenario"
+            )
         tasks[name], start, said = made.task(scenario, scale)
-        click.echo(way_table(made, name, start))
+        echo(way_table(made, name, start))
         for line in said:
-            click.echo(line)
+            echo(line)
     folder = out or Path(urdf.name.partition(".")[0])
     for path in write_arm(made, tasks, folder, urdf, drive, sensor, known):
-        click.echo(path)
+        echo(path)
     given = {"scenario": f"{folder / next(iter(tasks))}.yaml", "drive": drive, "sensor": sensor, "out": folder / "demo"}
     words = [word for name, value in given.items() if value for word in (f"--{name}", str(value))]
-    click.echo(f"next: {shlex.join(['slip-vic', 'demo', *words])}")
+    echo(f"next: {shlex.join(['slip-vic', 'demo', *words])}")
 
 
 def _pairs(option: str, texts: tuple[str, ...], separator: str, read: Callable[[str], T], form: str) -> dict[str, T]:
@@ -160,11 +149,11 @@ def bringup(namespace: str, domain_id: int | None, simulated: bool, out: Path) -
             hands = Simulated(system, system.parameters(BridgeParams, BRIDGE))
         walk = Walk(system, hands)
         for verdict in walk.steps():
-            click.echo(str(verdict), err=not verdict.holds)
+            echo(str(verdict), err=not verdict.holds)
             if not verdict.holds:
                 raise click.exceptions.Exit(1)
     write_files(out.parent, {out.name: walk.parameter_file()})
-    click.echo(f"{out}: noise, rate and latency as measured")
+    echo(f"{out}: noise, rate and latency as measured")
 
 
 @click.command()
@@ -184,9 +173,9 @@ def identify(bag: Path, ee_frame: str, out: Path | None) -> None:
 
     motion = read_motion(bag)
     numbers = found_in(motion, ee_frame)
-    click.echo(numbers.rename(columns=COLUMNS).to_string(float_format="{:.3g}".format, na_rep="-"))
+    echo(numbers.rename(columns=COLUMNS).to_string(float_format="{:.3g}".format, na_rep="-"))
     if words := slip_mistake(motion):
-        click.echo(words)
+        echo(words)
     if out is not None:
         write_files(out.parent, {out.name: preset(numbers, f"slip-vic identify {bag}")})
-        click.echo(str(out))
+        echo(out)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import click
 import numpy as np
 
+from slip_bags.cli import echo
 from slip_core.arrays import Array
 from slip_core.types import SlipSample
 from slip_vic.options import Choice, choosing, out_option
@@ -41,15 +42,15 @@ def export(*, choice: Choice, cpu: str, out: Path) -> None:
     if cpu or not copy_carried(out):
         from slip_native.library import build
 
-        click.echo("compiling the cycle for C, about a minute", err=True)
+        echo("compiling the cycle for C, about a minute", err=True)
         build(out, cpu)
     write_files(out, sources())
     write_node(loaded, out)
     write_run(loaded, out)
     site = Path(sysconfig.get_path("purelib"))
     prefixes = f"{sysconfig.get_path('data')};{site / 'cmeel.prefix'}"
-    click.echo(f"{out}: libslip_vic.so, libslip_vic.a, slip_vic.h, controller.bin, state.bin, run.bin, example.c, node")
-    click.echo(
+    echo(f"{out}: libslip_vic.so, libslip_vic.a, slip_vic.h, controller.bin, state.bin, run.bin, example.c, node")
+    echo(
         f"next: cmake -S {out} -B {out}/build -DCMAKE_PREFIX_PATH='{prefixes}' && cmake --build {out}/build "
         f"&& {out}/build/example {out}/run.bin && {out}/build/slip_vic_node {out}"
     )
