@@ -36,11 +36,7 @@ from slip_vic_controller.law.evaluation import EVALUATION, Evaluation
 from slip_vic_controller.law.torque import joint_torque
 from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.path.paths import reference_at
-from slip_vic_controller.safety.limits import (
-    limit_effort,
-    needs_restart,
-    start_limiter,
-)
+from slip_vic_controller.safety.limits import limit_effort, needs_restart, start_limiter
 from slip_vic_controller.session.cycle_result import CycleResult
 from slip_vic_controller.state import CONFIG, ControllerConfig
 
@@ -123,7 +119,9 @@ def _guarded(law: Law, method: str, argument: object) -> object:
     """Call a law; whatever it raises is a `LawError`."""
     try:
         return getattr(law, method)(argument)
-    except (Exception, SystemExit) as error:  # a law is someone else's
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # a law is someone else's
         raise LawError(f"{method} raises {type(error).__name__}: {' '.join(str(error).split())}") from error
 
 

@@ -6,6 +6,7 @@ import hashlib
 import importlib
 import importlib.util
 import inspect
+import os
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -177,16 +178,19 @@ def find_law(name: str) -> FoundLaw:
     where, colon, kind = full.rpartition(":")
     if not colon or not where or not kind:
         raise UnknownName("law", name, KNOWN, fix="(or module:Class, or file.py:Class)")
+    leave, os._exit = os._exit, sys.exit  # type: ignore[assignment]  # which raises: no success in silence
     try:
         module = _module_of_file(Path(where)) if where.endswith(".py") else importlib.import_module(where)
-    except (Exception, SystemExit) as error:  # whatever a module of someone else's does
+        found = getattr(module, kind, None)
+        file = inspect.getfile(found) if inspect.isclass(found) else ""
+    except BaseException as error:  # whatever a module of someone else's does
         got = f"{type(error).__name__}: {error}"
         raise InputError(f"law {name}", got=got, expected="a module that can be imported") from error
-    found = getattr(module, kind, None)
+    finally:
+        os._exit = leave
     if not inspect.isclass(found):
-        raise UnknownName(
-            "law", kind, [one for one, value in vars(module).items() if inspect.isclass(value)], where=where
-        )
+        classes = [one for one, value in vars(module).items() if inspect.isclass(value)]
+        raise UnknownName("law", kind, classes, where=where)
     needs = getattr(found, "needs", None)
     lacks = [method for method in ("reset", "step") if not callable(getattr(found, method, None))]
     if not isinstance(needs, (frozenset, set)) or not set(needs) <= set(NEEDS):
@@ -194,15 +198,14 @@ def find_law(name: str) -> FoundLaw:
     if lacks:
         expected = f"reset(setup), step(seen), and needs as a frozenset of {', '.join(NEEDS)}"
         raise InputError(f"law {name}", got=f"class {kind} without {', '.join(lacks)}", expected=expected)
-    source = hashlib.sha256(Path(inspect.getfile(found)).read_bytes()).hexdigest()[:16]
+    source = hashlib.sha256(Path(file).read_bytes()).hexdigest()[:16]
     key, _, value = change.partition("=")
     if change and "." not in key:
         try:
-            found = type(kind, (found,), {key: type(getattr(found, key))(value)})
-        except (AttributeError, ValueError):
-            raise InputError(
-                f"law {name}", got=f"?{change}", expected="?NUMBER=VALUE, of a number that the class has"
-            ) from None
+            found = type(kind, (found,), {key: {int: int, float: float}[type(getattr(found, key, None))](value)})
+        except (KeyError, ValueError):
+            expected = "?NUMBER=VALUE, of a number that the class has"
+            raise InputError(f"law {name}", got=f"?{change}", expected=expected) from None
     return FoundLaw(cast("type[Law]", found), source, (f"controller.{change}",) if "." in key else ())
 
 

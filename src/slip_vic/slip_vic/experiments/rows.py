@@ -17,7 +17,7 @@ from typing import Final
 from slip_core.errors import InputError
 from slip_core.files.plain_yaml import parse_json
 from slip_core.files.resources import open_file, read_text
-from slip_vic.experiments.run import COLUMNS, Row
+from slip_vic.experiments.run import COLUMNS, METRICS, Row
 from slip_vic.experiments.world import KEY, Key
 from slip_vic.run.lock import own_folder
 from slip_vic.run.versions import digest
@@ -71,15 +71,20 @@ def read_rows(path: Path) -> list[Row]:
     """Return the complete rows of a file, of each run the last; none where there is no file.
 
     Raises:
-        InputError: the file lacks columns.
+        InputError: the file lacks columns, or has something else where numbers belong.
     """
     if not path.exists():
         return []
     with io.TextIOWrapper(open_file(path, f"rows {path}"), "utf-8", newline="") as file:
         reader = csv.DictReader(file)
-        if missing := set(COLUMNS).difference(reader.fieldnames or COLUMNS):
-            raise InputError(f"rows {path}", got=f"no column {', '.join(sorted(missing))}", expected="rows of a study")
-        found = [row for row in reader if None not in row.values() and None not in row]
+        try:
+            if missing := set(COLUMNS).difference(reader.fieldnames or COLUMNS):
+                raise ValueError(f"no column {', '.join(sorted(missing))}")
+            found = [row for row in reader if None not in row.values() and None not in row]
+            for row in found:
+                int(row["world"]), [float(row[name]) for name in METRICS]
+        except (csv.Error, ValueError) as error:
+            raise InputError(f"rows {path}", got=str(error), expected="rows of a study") from None
     return list({key_of(row): {name: row[name] for name in COLUMNS} for row in found}.values())
 
 
@@ -107,10 +112,8 @@ def read_json(path: Path) -> tuple[dict[str, str], str]:
         found = parse_json(read_text(str(path.with_suffix(".json")), f"rows {path}"))
         return dict(found["made_of"]), str(found["rows"])
     except (ValueError, KeyError, TypeError) as error:
-        raise InputError(
-            f"folder {path.parent}", got=str(error), expected="rows of an experiment",
-            fix="give another folder",
-        ) from None  # fmt: skip
+        expected, fix = "rows of an experiment", "give another folder"
+        raise InputError(f"folder {path.parent}", got=str(error), expected=expected, fix=fix) from None
 
 
 def refuse_difference(one: Mapping[str, str], other: Mapping[str, str], where: str, fix: str) -> None:
