@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from slip_bags.format import BagMessage
 from slip_bags.reader import RECORD_BYTES, Bag
-from slip_core.arms import by_arm, model_of_arms, prefix_of
+from slip_core.arms import ParamsOfArms, by_arm, model_of_arms, prefix_of
 from slip_core.errors import InputError
 from slip_core.files.resources import MAX_BYTES
 from slip_core.params import build, flatten
@@ -31,10 +31,11 @@ from slip_msgs_py.messages.from_msgs import (
     slip_velocity,
     wrench_sample,
 )
-from slip_vic.run.data import own_topic, parameters_of
+from slip_vic.run.data import attached, own_topic, parameters_of
 from slip_vic_controller.interfaces import SlipFromDisplacement
 from slip_vic_controller.params.controller_params import ControllerParams
-from slip_vic_controller.safety.conditions import Mode
+from slip_vic_controller.safety.conditions import Mode, Request
+from slip_vic_controller.session.cycle_result import Health
 
 if TYPE_CHECKING:
     from rcl_interfaces.msg import ParameterValue
@@ -122,7 +123,7 @@ def _read_arm(bag: Bag, root: str, name: str, names: tuple[str, ...], params: Co
     return RecordedRun(
         params=params,
         changes=_changes(bag, f"{root}{NODE}", f"{name}." if name else "", params, times_ns),
-        urdf=_attachment(bag, f"{name}.urdf" if name else URDF),
+        urdf=attached(bag, f"{name}.urdf" if name else URDF),
         ledger=tuple(entry.value for entry in ledger),
         joints=_samples(bag, f"{prefix}joint_states", partial(joint_sample, joints=joints)),
         wrenches=tuple(_wrenches(bag, f"{contact}wrench", params) for contact in contacts),
@@ -151,17 +152,11 @@ def _namespace(bag: Bag, ledger: str) -> str:
     return found[0]
 
 
-def _attachment(bag: Bag, name: str) -> str:
-    if name not in bag.attachments:
-        raise InputError(f"bag {bag.path}", got=f"no attachment {name}", expected="a bag of `slip-vic run --record`")
-    return bag.attachments[name].decode("utf-8")
-
-
 def _parameters(bag: Bag) -> dict[str, ControllerParams]:
-    values = parameters_of(PARAMETERS, bag.path, _attachment(bag, PARAMETERS))
-    arms = tuple(values.get("arms", ()))
-    model = model_of_arms(ControllerParams, arms) if arms else ControllerParams
-    return by_arm(build(model, values, f"{PARAMETERS} of {bag.path}"))
+    values = parameters_of(PARAMETERS, bag.path, attached(bag, PARAMETERS))
+    origin = f"{PARAMETERS} of {bag.path}"
+    arms = build(ParamsOfArms, {name: value for name, value in values.items() if name == "arms"}, origin).arms
+    return by_arm(build(model_of_arms(ControllerParams, arms) if arms else ControllerParams, values, origin))
 
 
 def _changes(
@@ -221,7 +216,12 @@ def _entry(message: Any, contacts: int) -> LedgerEntry:
     pairs = zip(row[1 : behind + 2 : 2], row[2 : behind + 2 : 2], strict=True)
     times = [seconds * NS_PER_S + rest for seconds, rest in pairs]
     joint, *used, now = times
-    return LedgerEntry(row[0], joint, tuple(used[::2]), tuple(used[1::2]), now, *row[behind + 2 :])
+    entry = LedgerEntry(row[0], joint, tuple(used[::2]), tuple(used[1::2]), now, *row[behind + 2 :])
+    try:
+        Mode(entry.mode), Request(entry.request), Health.from_code(entry.health)
+    except ValueError as error:
+        raise InputError("a ledger entry", got=str(error), expected="codes of this version") from None
+    return entry
 
 
 def _samples(bag: Bag, topic: str, read: Callable[[Any], Sample]) -> dict[int, Sample]:

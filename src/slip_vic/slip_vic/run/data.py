@@ -78,9 +78,12 @@ class ArmData:
         """Return six symbols of the law as columns; (M, 6).
 
         Raises:
-            InputError: the run has no symbols.
+            InputError: the run has no symbols, or those of another version.
         """
-        return self.channel("law").rows[:, [self.symbols.index(f"{name}_{axis}") for axis in AXES]]
+        rows, names = self.channel("law").rows, [f"{name}_{axis}" for axis in AXES]
+        if not set(names) <= set(self.symbols):
+            raise UnknownName("symbol", name, self.symbols, where="recorded run")
+        return rows[:, [self.symbols.index(one) for one in names]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,7 +175,7 @@ def _read_arm(bag: Bag, name: str, topics: Mapping[str, str], start_ns: int) -> 
     if channels["joint_effort"].rows.shape != channels["joints"].rows.shape:
         del channels["joint_effort"]
     for commands in [series[topic] for topic in COMMAND_TOPICS if topic in series][:1]:
-        given = np.array([len(row) > 0 for row in commands["effort"]])
+        given = np.array([len(row) == channels["joints"].rows.shape[1] for row in commands["effort"]])
         if given.any():
             rows = np.array(commands["effort"][given].tolist(), dtype=np.float64)
             channels["effort"] = Channel(np.array((commands.stamps[given] - start_ns) * 1e-9, dtype=np.float64), rows)
@@ -194,9 +197,9 @@ def _read_arm(bag: Bag, name: str, topics: Mapping[str, str], start_ns: int) -> 
 
 def _channel(series: Series, start_ns: int, *fields: str) -> Channel:
     rows = series[fields[0]] if fields[0] in series else series.columns(*fields)
-    if rows.ndim != 2:
-        got, fix = f"{fields[0]} of varying length", "record one publisher of it"
-        raise InputError(f"topic {series.topic}", got=got, expected="as many numbers in each message", fix=fix)
+    if rows.ndim != 2 or (fields == ("position",) and not 0 < rows.shape[1] == len(series["name"][0])):
+        got, fix = f"{fields[0]} of varying length, or without names", "record one publisher of it"
+        raise InputError(f"topic {series.topic}", got=got, expected="a number for each name in each message", fix=fix)
     return Channel(np.array((series.stamps - start_ns) * 1e-9, dtype=np.float64), rows)
 
 
@@ -219,10 +222,20 @@ def urdf_of(bag: Bag, arm: str = "") -> str:
     for topic in (*(name for name in bag.topics if name.endswith(own)), root):
         if topic in bag.topics and bag.topics[topic].message_count:
             return str(next(bag.messages(own_topic(bag, topic))).value.data)
-    for name in (f"{arm}.urdf", "arm.urdf"):
-        if name in bag.attachments:
-            return bag.attachments[name].decode("utf-8")
-    raise InputError(f"bag {bag.path}", got="no robot_description", expected="the arm's URDF, as topic or attachment")
+    return attached(bag, f"{arm}.urdf" if f"{arm}.urdf" in bag.attachments else "arm.urdf")
+
+
+def attached(bag: Bag, name: str) -> str:
+    """Return an attached text.
+
+    Raises:
+        InputError: the bag has none of this name, or it is binary.
+    """
+    try:
+        return bag.attachments[name].decode("utf-8")
+    except (KeyError, UnicodeError):
+        got, expected = f"no attachment {name}, or a binary one", "a bag of `slip-vic run --record`"
+        raise InputError(f"bag {bag.path}", got=got, expected=expected) from None
 
 
 def software_of(bag: Bag) -> dict[str, str]:
@@ -255,6 +268,6 @@ def parameters_of(name: str, path: Path, text: str) -> dict[str, Any]:
 def _parameters(bag: Bag, name: str, arm: str) -> dict[str, Any]:
     if name not in bag.attachments:
         return {}
-    values = parameters_of(name, bag.path, bag.attachments[name].decode("utf-8"))
+    values = parameters_of(name, bag.path, attached(bag, name))
     own = {k.removeprefix(f"{arm}."): v for k, v in values.items() if arm and k.startswith(f"{arm}.")}
     return own or values
