@@ -79,9 +79,8 @@ class ParameterModel(BaseModel):
             if isinstance(values, tuple) and values and isinstance(values[0], float):
                 unit = parameter_unit(type(self), name)
                 if max(map(abs, values)) > range_of(unit)[1]:
-                    raise ValueError(
-                        f"{name} {list(values)}: no number may be beyond {range_of(unit)[1]:g} {unit}".rstrip()
-                    )
+                    most = f"{range_of(unit)[1]:g} {unit}".rstrip()
+                    raise ValueError(f"{name} {list(values)}: no number may be beyond {most}")
             elif (
                 isinstance(values, float)
                 and 0.0 < values < range_of("Hz")[0]

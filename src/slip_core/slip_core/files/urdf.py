@@ -7,6 +7,7 @@ and MuJoCo treat each of these differently; here they are settled once, for both
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
@@ -16,6 +17,7 @@ import numpy as np
 from slip_core.arrays import Array
 from slip_core.errors import InputError, nearest
 from slip_core.grasp_params import BaseParams
+from slip_core.params import range_of
 
 MOVING = ("revolute", "continuous", "prismatic")
 NO_LIMIT = 1e4
@@ -28,6 +30,7 @@ NESTED = 50
 """Bounds of a text in characters, of a tree in joints from its base to a tip, and of elements inside each other: beyond
 any robot, and below what Pinocchio and MuJoCo support, whose recursions end the process on a chain of 5,000 links."""
 
+_NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
 _MEASURED = ("origin", "mass", "inertia", "axis", "limit")
 _IN_FIXED_JOINT = ("parent", "child", "origin")
 _IN_MOVING_JOINT = (*_IN_FIXED_JOINT, "axis", "limit", "dynamics")
@@ -66,7 +69,7 @@ def parse_urdf(text: str, what: str = "robot_description") -> Element:
 
 
 def _check_numbers(part: Element) -> None:
-    """Check that the numbers of a link or joint are finite, and not beyond any robot.
+    """Check that the numbers of a link or joint are as many as belong there, finite, and not beyond any robot.
 
     Raises:
         InputError: with the name of the link or joint.
@@ -74,16 +77,12 @@ def _check_numbers(part: Element) -> None:
     for element in part.iter():
         bound = math.inf if element.tag == "limit" else NO_LIMIT
         for key, text in element.attrib.items() if element.tag in _MEASURED else ():
-            for word in text.split():
-                try:
-                    value = float(word)
-                except ValueError:
-                    value = math.nan
-                if not (math.isfinite(value) and abs(value) <= bound):
-                    what = f"URDF {part.tag} {part.get('name')}"
-                    most = f", at most {bound:g}" if bound < math.inf else ""
-                    got = f'<{element.tag} {key}="{text}">'
-                    raise InputError(what, got=got, expected=f"finite numbers{most}")
+            count = 3 if key in ("xyz", "rpy") else 1
+            found = [float(word) for word in text.split() if _NUMBER.fullmatch(word)]
+            if len(text.split()) != count or sum(abs(x) <= bound and math.isfinite(x) for x in found) != count:
+                most = f", at most {bound:g}" if bound < math.inf else ""
+                got, expected = f'<{element.tag} {key}="{text}">', f"numbers, {count} of them, finite{most}"
+                raise InputError(f"URDF {part.tag} {part.get('name')}", got=got, expected=expected)
 
 
 def base_of(root: Element, what: str = "robot_description") -> str:
@@ -281,14 +280,17 @@ def _check_limits(joint: Element) -> None:
         raise InputError(f"URDF joint {name}", got=f"an <axis> of length {length:g}", expected="a direction")
     keys = ("lower", "upper", "effort", "velocity")
     lower, upper, effort, velocity = (numbers_of(limit, key, (0.0,))[0] for key in keys)
-    if kind in MOVING and effort > 0.0 and velocity > 0.0 and (kind == "continuous" or lower < upper):
+    most = range_of("N m")[1], range_of("rad/s")[1]
+    possible = 0.0 < effort <= most[0] and 0.0 < velocity <= most[1]
+    if kind in MOVING and possible and (kind == "continuous" or lower < upper):
         return
     limits = f"limits {lower:g}..{upper:g}, effort {effort:g}, velocity {velocity:g}"
     raise InputError(
         f"URDF joint {name}",
         got=f"type {kind}, {'no <limit>' if limit is None else limits}",
-        expected="a revolute, continuous or prismatic one with <limit>: effort and velocity above 0, lower < upper",
-        fix=f"change the URDF, or keep the joint where it is: slip-vic arm FILE --lock {name}=VALUE",
+        expected="a revolute, continuous or prismatic one with <limit>: lower < upper, effort above 0, at most "
+        f"{most[0]:g}, velocity above 0, at most {most[1]:g}",
+        fix=f"slip-vic arm FILE --limit {name}=EFFORT,VELOCITY, or where it is to stay: --lock {name}=VALUE",
     )
 
 

@@ -20,6 +20,7 @@ from scipy.special import betaincinv
 from slip_core.arrays import Array, product
 from slip_core.errors import InputError
 from slip_core.files.resources import read_text
+from slip_core.params import range_of
 from slip_core.records import new, record
 from slip_core.types import PadMotion
 from slip_core.vectors import Vec
@@ -65,6 +66,8 @@ def read_points(path: Path, joint_names: tuple[str, ...]) -> Points:
     """
     try:
         table = pd.read_csv(io.StringIO(read_text(str(path), f"path {path}")), skipinitialspace=True)
+        if table.select_dtypes("bool").size:
+            raise ValueError("True and False")
         others = [name for name in table.columns if name != "time"]
         names = next((known for known in (POSE_COLUMNS, joint_names) if set(known) == set(others)), tuple(others))
         values = table[list(names)].to_numpy(dtype=np.float64)
@@ -73,9 +76,10 @@ def read_points(path: Path, joint_names: tuple[str, ...]) -> Points:
         raise InputError(f"path {path}", got=str(error), expected="a CSV file with a header and numbers") from None
     if len(values) < LEAST_POINTS:
         raise InputError(f"path {path}", got=f"{len(values)} points", expected=f"at least {LEAST_POINTS}")
-    if not np.isfinite(values).all():
-        row = int(np.argmin(np.isfinite(values).all(axis=1)))
-        raise InputError(f"path {path}", got=f"row {row + 1} with numbers that are missing", expected="finite numbers")
+    largest = range_of("m, rad")[1]
+    if not (possible := (np.abs(values) <= largest).all(axis=1)).all():
+        got = f"row {int(np.argmin(possible)) + 1}: {values[np.argmin(possible)].tolist()}"
+        raise InputError(f"path {path}", got=got, expected=f"a number in each column, none beyond {largest:g}")
     if len(times):
         # They do not run backwards, and are not equal at two different poses.
         equal = (np.diff(times) == 0.0) & (chords(Points(times, values, names)) <= REST_STEP)

@@ -28,13 +28,15 @@ def config_files(scenarios: list[str] | None = None) -> dict[str, str]:
     Args:
         scenarios: their names; None: all that come with the suite.
     """
-    files = {}
+    files: dict[str, str] = {}
     for name in scenarios or scenario_names(1):
+        if (stem := Path(name).stem) == ".." or f"{stem}/bridge.yaml" in files:
+            raise InputError(f"--scenario {name}", got=f"the name {stem}", expected="another name for each scenario")
         made = {f"controller_{kind}": load(name, law=kind).controller for kind in ("classical", "vic", "governed")}
         made["controller_vic_realtime"] = load(name, law="vic", mode="realtime").controller
         for file, params in {**made, "bridge": load(name).bridge}.items():
             node = NODES["bridge" if file == "bridge" else "controller"][0]
-            files[f"{Path(name).stem}/{file}.yaml"] = HEAD.format(name) + commented_file(params, node)
+            files[f"{stem}/{file}.yaml"] = HEAD.format(name) + commented_file(params, node)
     return files
 
 

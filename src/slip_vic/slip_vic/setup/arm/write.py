@@ -16,7 +16,7 @@ from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.files.plain_yaml import read_yaml
 from slip_core.files.urdf import NO_LIMIT, parse_urdf
-from slip_core.params import build, flatten
+from slip_core.params import build, flat_names, flatten, nested_names
 from slip_core.types import AXES
 from slip_vic.presets import preset_text
 from slip_vic.scenarios.parameter_files import commented_file, write_files
@@ -80,13 +80,13 @@ class Arm:
         limits: Limits | None = None,
         by_effort: bool = True,
     ) -> None:
+        if not abs(reach) <= LONGEST_REACH_M:
+            raise InputError("--reach", got=f"{reach:g}", expected=f"metres, within {LONGEST_REACH_M:g}")
         root = parse_urdf(text, name)
         stays = locked or {}
         self.hand: Hand = find_hand(root, link, approach, normal, tuple(stays))
         self.urdf, said = arm_urdf(root, self.hand, reach, stays, limits or {}, by_effort=by_effort)
         self.said = [*self.hand.said, *said]
-        if not math.isfinite(reach) or abs(reach) > LONGEST_REACH_M:
-            raise InputError("--reach", got=f"{reach:g}", expected=f"metres, within {LONGEST_REACH_M:g}")
         if reach == 0.0:
             at = "the pad centre is at that link's origin: the object sits in the flange"
             self.said.append(f"{at} (--reach METRES moves it out)")
@@ -116,12 +116,8 @@ class Arm:
             fix = "try a smaller --scale, another --scenario, --approach or --normal"
             if len(self.hand.joints) > len(AXES):
                 fix += ", or keep a joint that is too slow where it is: --lock JOINT=VALUE"
-            raise InputError(
-                f"scenario {known.name} with this arm",
-                got=reason,
-                expected="a start from which its path can be followed",
-                fix=fix,
-            )
+            expected = "a start from which its path can be followed"
+            raise InputError(f"scenario {known.name} with this arm", got=reason, expected=expected, fix=fix)
         content, said = self._content(base, start, scale), []
         if not start.way.given.all():
             said.append(self._follows(content["controller"]["trajectory"], start, path[-1]))
@@ -150,7 +146,9 @@ class Arm:
     def _content(self, base: str, start: Start, scale: float) -> dict[str, Any]:
         text = preset_text("scenarios", base)
         content: dict[str, Any] = read_yaml(text)
-        shared, controller, bridge = (content.setdefault(key, {}) for key in ("shared", "controller", "bridge"))
+        content |= {key: nested_names(flat_names(content.get(key, {}))) for key in ("shared", "controller", "bridge")}
+        shared, controller, bridge = content["shared"], content["controller"], content["bridge"]
+        controller.setdefault("trajectory", {})
         shared |= {
             "robot_description_file": URDF_NAME, "joint_names": list(self.hand.joints), "ee_frame": PAD,
         }  # fmt: skip

@@ -130,7 +130,7 @@ def _lock(root: Element, hand: Hand, positions: Mapping[str, float], said: list[
         follows = joint.find("mimic")
         if follows is not None and name not in hand.joints:
             leader = where.get(str(follows.get("joint")), 0.0)
-            value = leader * float(follows.get("multiplier", "1")) + float(follows.get("offset", "0"))
+            value = leader * numbers_of(follows, "multiplier", (1.0,))[0] + numbers_of(follows, "offset", (0.0,))[0]
             where.setdefault(name, value)
     for value in sorted(set(where.values())):
         names = [name for name in where if where[name] == value]
