@@ -89,16 +89,17 @@ def test_wrong_qos_is_named(processes: Processes, params, ros_node) -> None:
 
 
 BAD = [
-    (CONTROLLER, "gains.ks:=5.0", ["gains.ks", "gains.k_s"]),
-    (CONTROLLER, "ee_frame:=hand_of_god", ["hand_of_god"]),
-    (BRIDGE, "friction.model:=glue", ["friction.model", "stribeck"]),
+    (CONTROLLER, "-p gains.ks:=5.0", ["gains.ks", "gains.k_s"]),
+    (CONTROLLER, "-p ee_frame:=hand_of_god", ["hand_of_god"]),
+    (BRIDGE, "-p friction.model:=glue", ["friction.model", "stribeck"]),
+    (BRIDGE, "--params-file /dev/zero", ["no regular file", "/dev/zero"]),
 ]
 
 
 @pytest.mark.smoke
 def test_bad_parameter_exits_with_2(processes: Processes) -> None:
     """All at once: each ends by itself, before it has a node."""
-    nodes = [processes.python(argument, "-m", module, "--ros-args", "-p", argument) for module, argument, _ in BAD]
+    nodes = [processes.python(words[0], "-m", module, "--ros-args", *given.split()) for module, given, words in BAD]
     for node, (_, _, words) in zip(nodes, BAD, strict=True):
         assert processes.wait_end(node) == 2, node.tail()
         lines = list(node.lines)

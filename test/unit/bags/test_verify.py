@@ -123,16 +123,16 @@ def test_a_lost_message_is_named(tmp_path, topic):
 
 
 def test_what_cannot_be_verified_says_why(tmp_path):
-    late, bare, foreign = tmp_path / "late", tmp_path / "bare", tmp_path / "foreign"
-    record_run(late, scenario(), first=10)
-    with pytest.raises(InputError, match="a beginning at cycle 10"):
-        verdict(late)
-    record_run(bare, scenario(), attached={})
-    with pytest.raises(InputError, match="slip-vic run --record"):
-        verdict(bare)
-    record_run(foreign, scenario(), attached={**attachments(scenario()), "controller.params.yaml": b"- 1"})
-    with pytest.raises(InputError, match="a ROS parameter file"):
-        verdict(foreign)
+    whole, manifest = attachments(scenario()), "controller.params.yaml"
+    for number, (given, what) in enumerate((
+        ({"first": 10}, "a beginning at cycle 10"), ({"attached": {}}, "slip-vic run --record"),
+        ({"attached": {**whole, manifest: b"- 1"}}, "a ROS parameter file"),
+        ({"attached": {**whole, manifest: b"\xff"}}, "binary"),
+        ({"attached": {**whole, manifest: b"a: {ros__parameters: {arms: 5}}"}}, "parameter arms: got 5"),
+    )):  # fmt: skip
+        record_run(tmp_path / str(number), scenario(cycles=20), **given)
+        with pytest.raises(InputError, match=what):
+            verdict(tmp_path / str(number))
 
 
 @pytest.mark.parametrize("topic", ["/slip_velocity", "/parameter_events"])

@@ -8,6 +8,7 @@ import pytest
 
 from slip_description import urdf_text
 from slip_vic.cli import main
+from slip_vic.presets import preset_text
 
 URDF_WITHOUT_EE = urdf_text().replace('"ee"', '"tip"')
 
@@ -38,6 +39,17 @@ MISTAKES = {
         ["--params", "bridge.yaml"],
         ["bridge.yaml", "/**/slip_sim_bridge", "slip_vic_controller"],
     ),
+    "parameter file with a name twice": (["--params", "twice.yaml"], ["twice.yaml: gains.k_s: got two values"]),
+    "parameter file with two sections": (["--params", "two.yaml"], ["two.yaml", "got parameters of /**, /**/slip_vic"]),
+    "parameter file with no values": (["--params", "none.yaml"], ["none.yaml", "expected one mapping"]),
+    "sensor of a study": (["study", "--sensor", "vision_26"], ["vision_25"]),
+    "mismatch of a study": (["study", "--mismatch", "mass"], ["mass+"]),
+    "lottery with a sensor": (["study", "--lottery", "1", "--sensor", "ideal"], ["takes no --sensor"]),
+    "mismatch of a search": (["tune", "--mismatch", "mass"], ["mass+"]),
+    "joints that are no list": (["--scenario", "joints.yaml", "--drive", "torque_joint"], ["joint_names: got 5"]),
+    "bytes": (["--set", "object.mass=\udcff"], ["--set object.mass: got \\udcff"]),
+    "contact that is no list": (["--set", "contacts.position=5"], ["contacts.position: got 5"]),
+    "stiffness that is no list": (["--scenario", "soft.yaml"], ["gains.stiffness: got soft"]),
     "bag folder exists": (["--record", "taken"], ["taken", "exists"]),
     "bag folder cannot be written": (["--record", "/proc/bag"], ["/proc"]),
 }
@@ -50,6 +62,12 @@ def folder(tmp_path: Path) -> Path:
     (tmp_path / "broken.yaml").write_text("a:\n\tb: 1")
     (tmp_path / "bridge.yaml").write_text("/**/slip_sim_bridge: {ros__parameters: {friction: {mu_s: 0.4}}}")
     (tmp_path / "extra.yaml").write_text("name: a\ndescription: b\ndurration_s: 1\n")
+    (tmp_path / "twice.yaml").write_text("gains: {k_s: 1.0}\ngains.k_s: 2.0")
+    (tmp_path / "two.yaml").write_text("/**: {ros__parameters: {}}\n/**/slip_vic_controller: {ros__parameters: {}}")
+    (tmp_path / "none.yaml").write_text("/**: {ros__parameters: }")
+    text = preset_text("scenarios", "pane_two_arms_flat")
+    (tmp_path / "joints.yaml").write_text(text.replace("joint_names: [", "joint_names: 5 # ["))
+    (tmp_path / "soft.yaml").write_text(text.replace("stiffness: [5.0", "stiffness: soft # ["))
     (tmp_path / "taken").mkdir()
     return tmp_path
 
@@ -61,7 +79,7 @@ def test_a_mistake_is_one_line_and_exit_code_2(
     arguments, words = MISTAKES[name]
     before = sorted(folder.iterdir())
     monkeypatch.chdir(folder)
-    monkeypatch.setattr("sys.argv", ["slip-vic", "run", *arguments])
+    monkeypatch.setattr("sys.argv", ["slip-vic", *([] if arguments[0].isalpha() else ["run"]), *arguments])
     capsys.readouterr()
     assert main() == 2
     told = capsys.readouterr().err

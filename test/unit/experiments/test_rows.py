@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from slip_core.errors import InputError
-from slip_vic.cli import main
 from slip_vic.experiments.rows import FILE, digest_of, key_of, read_json, read_rows, rows_added
 from slip_vic.experiments.run import METRICS, Row, row_of
 from slip_vic.experiments.world import World
@@ -60,10 +59,17 @@ def test_a_file_keeps_to_what_it_is_made_of(tmp_path: Path) -> None:
         filled(tmp_path, range(1))
 
 
-def test_a_file_without_a_column_is_no_file_of_rows(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("old", "new", "what"),
+    [
+        (b"off_goal_m", b"off", "no column off_goal_m"), (b",1.0,", b",one,", "float: 'one'"),
+        (b",vic,", b",\xff,", "utf-8"), (b",vic,", b"," + b"v" * 200_000 + b",", "field"),
+    ],
+)  # fmt: skip
+def test_what_is_no_file_of_rows(tmp_path: Path, old: bytes, new: bytes, what: str) -> None:
     path = filled(tmp_path, range(1)) / FILE
-    path.write_text(path.read_text().replace("off_goal_m", "off"))
-    with pytest.raises(InputError, match="no column off_goal_m"):
+    path.write_bytes(path.read_bytes().replace(old, new))
+    with pytest.raises(InputError, match=what):
         read_rows(path)
 
 
@@ -84,24 +90,3 @@ def filled(folder: Path, seeds: range, value: float = 1.0, made: dict[str, str] 
         for seed in reversed(seeds):
             add(result(seed, value))
     return folder
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["study", "--sensor", "vision_26"], "vision_25"),
-        (["study", "--mismatch", "mass"], "mass+"),
-        (["study", "--lottery", "1", "--sensor", "ideal", "--mismatch", "none"], "takes no --sensor, --mismatch"),
-        (["tune", "--mismatch", "mass"], "mass+"),
-    ],
-)
-def test_a_mistake_is_one_line_and_leaves_nothing(
-    words: list[str], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("sys.argv", ["slip-vic", *words])
-    assert main() == 2
-    error = capsys.readouterr().err
-    assert message in error
-    assert len(error.splitlines()) == 1
-    assert list(tmp_path.iterdir()) == []

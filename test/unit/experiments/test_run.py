@@ -81,13 +81,8 @@ def test_a_foreign_law_runs_in_the_same_worlds(tmp_path: Path) -> None:
     file = tmp_path / "own.py"
     file.write_text(
         "class Still:\n    needs = frozenset()\n    def reset(self, setup): ...\n    def step(self, seen): ...\n"
-        "class Raises(Still):\n    def step(self, seen): 1 / 0\n"
         "class NotMade(Still):\n    def __init__(self): raise KeyError('no')\n"
     )
     assert under(f"{file}:Still")["outcome"] == "ok"
-    for law, reason in (
-        ("Raises", "0.000 s: step raises ZeroDivisionError: division by zero"),
-        ("NotMade", "KeyError: 'no'"),
-    ):
-        row = under(f"{file}:{law}")
-        assert (row["outcome"], row["reason"]) == ("failed", reason)
+    row = under(f"{file}:NotMade")
+    assert (row["outcome"], row["reason"]) == ("failed", "KeyError: 'no'")

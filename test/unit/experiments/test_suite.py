@@ -23,6 +23,7 @@ from slip_vic.experiments.world import World
 from slip_vic.run.versions import digest
 from test.support.pages import ROOT
 
+LAW = "class Mine:\n    needs = frozenset()\n    def reset(self, setup): ...\n    def step(self, seen):"
 FIRST = ["247aedd780232ba3", "2eec09f3bd841e0c", "b7339e446e0b95b1", "92d6347268b6ed46"]
 
 
@@ -89,10 +90,7 @@ def test_a_result_continues_and_is_compared(tmp_path: Path, here: None) -> None:
 
 def test_verify_runs_no_code_that_only_a_result_names(tmp_path: Path, here: None) -> None:
     file, mark = tmp_path / "mine.py", tmp_path / "imported"
-    file.write_text(
-        f"open({str(mark)!r}, 'w')\nclass Mine:\n    needs = frozenset()\n    def reset(self, s): ...\n"
-        "    def step(self, s): ...\n"
-    )
+    file.write_text(f"open({str(mark)!r}, 'w')\n{LAW} ...")
     benchmark("run", f"{file}:Mine", "--out", tmp_path / "result", "--worlds", 1)
     mark.unlink()
     for name, module in list(sys.modules.items()):
@@ -105,21 +103,17 @@ def test_verify_runs_no_code_that_only_a_result_names(tmp_path: Path, here: None
     assert mark.exists()
     count, wrong = suite.verify_result(tmp_path / "result", "fixed_grip")
     assert (count, len(wrong)) == (1, 1)
-    assert (
-        CliRunner().invoke(cli, ["benchmark", "verify", str(tmp_path / "result"), "--law", "fixed_grip"]).exit_code == 1
-    )
+    words = ["benchmark", "verify", str(tmp_path / "result"), "--law", "fixed_grip"]
+    assert CliRunner().invoke(cli, words).exit_code == 1
 
 
 def test_a_law_that_ends_the_program_is_named_and_the_exit_code_is_1(tmp_path: Path, here: None) -> None:
     file = tmp_path / "quits.py"
-    file.write_text(
-        "import sys\nclass Quits:\n    needs = frozenset()\n    def reset(self, setup): ...\n"
-        "    def step(self, seen):\n        sys.exit(0)\n"
-    )
-    words = ["benchmark", "run", f"{file}:Quits", "--out", str(tmp_path / "out"), "--worlds", "1"]
+    file.write_text(f"{LAW} raise SystemExit('\x1b[2J')")
+    words = ["benchmark", "run", f"{file}:Mine", "--out", str(tmp_path / "out"), "--worlds", "1"]
     done = CliRunner().invoke(cli, words, catch_exceptions=False)
     assert done.exit_code == 1
-    assert "failed, 0.000 s: step raises SystemExit: 0" in done.stderr
+    assert "failed, 0.000 s: step raises SystemExit: \\x1b[2J" in done.stderr
 
 
 def test_a_result_that_was_changed_or_that_others_do_not_get_is_refused(tmp_path: Path, here: None) -> None:
@@ -152,13 +146,11 @@ def test_laws_are_compared_in_the_worlds_that_all_have(tmp_path: Path, here: Non
 
 def test_who_stays_at_the_start_of_a_closed_path_has_not_arrived(tmp_path: Path) -> None:
     file = tmp_path / "still.py"
-    file.write_text(
-        "class Still:\n    needs = frozenset()\n    def reset(self, setup): ...\n    def step(self, seen): ...\n"
-    )
+    file.write_text(f"{LAW} ...")
     path = {"kind": "circle", "duration_s": 0.2, "ramp_s": 0.1, "period_s": 0.1, "radius": 0.001}
     closed = (*(f"controller.trajectory.{name}={value}" for name, value in path.items()), "bridge.duration_s=0.25")
     world = short("capped", 1)
-    row = run(replace(world, settings=closed, law=f"{file}:Still"))
+    row = run(replace(world, settings=closed, law=f"{file}:Mine"))
     assert (row["outcome"], row["reason"]) == ("stays", "the pad does not leave the start")
     assert math.isnan(float(row["arrival_s"]))
     assert float(row["final_error_m"]) < 1e-3
@@ -174,8 +166,9 @@ def test_the_slip_path_is_its_length_and_not_where_it_ends() -> None:
 def test_a_number_of_a_law_can_be_changed_by_its_name() -> None:
     assert find_law("fixed_grip?factor=1.5").kind.factor == 1.5
     assert find_law("governed?governor.margin=0.8").settings == ("controller.governor.margin=0.8",)
-    with pytest.raises(InputError, match="of a number that the class has"):
-        find_law("fixed_grip?factr=1.5")
+    for name in ("factr=1.5", "step=1", "needs=x"):
+        with pytest.raises(InputError, match="of a number that the class has"):
+            find_law(f"fixed_grip?{name}")
 
 
 def test_the_steps_of_the_page_work_in_a_folder_of_its_own(
