@@ -309,5 +309,5 @@ def parse_mapping(text: str, origin: str) -> dict[str, Any]:
         raise InputError(where, got=got, expected="valid YAML") from None
     if not isinstance(content, dict):
         raise InputError(origin, got=text.strip()[:40] or "nothing", expected="a YAML mapping of names to values")
-    flat_names(content, f"{origin}: ")
+    flat_names(content, f"{origin}: ")  # refuses a name twice
     return content
