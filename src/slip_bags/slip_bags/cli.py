@@ -80,7 +80,7 @@ def record(
     """Record topics until Ctrl-C; QoS follows the publishers, topics may appear late."""
     from slip_bags.recorder import Recorder
     from slip_bags.writer import BagWriter
-    from slip_core.files.resources import open_file
+    from slip_core.files.resources import bounded_memory, open_file
     from slip_msgs_py.node_main import ros_node
     from slip_msgs_py.stop_flag import StopFlag
 
@@ -88,7 +88,7 @@ def record(
         raise InputError("bag record", got="no topics", expected="topic names or --all")
     attachments = {}
     for name, path in attach:
-        with open_file(path, f"--attach {name}") as file:
+        with bounded_memory(f"--attach {name}"), open_file(path, f"--attach {name}") as file:
             attachments[name] = file.read()
     folder = output or Path(f"rosbag2_{datetime.datetime.now():%Y_%m_%d-%H_%M_%S}")
     with StopFlag() as stop, ros_node("recorder", namespace, domain_id) as node:

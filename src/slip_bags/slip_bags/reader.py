@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from shlex import quote
 from types import MappingProxyType
@@ -23,20 +23,16 @@ from typing import IO, Any, Final, NoReturn
 import lz4.frame
 import zstandard
 from mcap.reader import SeekingReader
-from mcap.records import Channel, Chunk, McapRecord, Message, Schema
+from mcap.records import AttachmentIndex, Channel, Chunk, McapRecord, Message, MetadataIndex, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap_ros2.decoder import DecoderFactory
 
 from slip_bags.format import LATEST_NS, BagMessage, TopicInfo, parse_custom_data, parse_qos
 from slip_bags.series import Series
 from slip_core.errors import InputError, nearest
-from slip_core.files.resources import MAX_BYTES, open_file
+from slip_core.files.resources import MAX_BYTES, bounded_memory, open_file
 
 MOST_CHANNELS: Final = 4096
-MAX_DECODED: Final = MAX_BYTES // 32
-"""Bytes of a message that is decoded: an object for each byte is the most that it can become."""
-RECORD_BYTES: Final = 350
-"""What a record takes in memory beside its content."""
 
 
 def mcap_file(path: Path) -> Path:
@@ -73,13 +69,8 @@ def chunk_records(chunk: Chunk) -> Iterator[McapRecord]:
         raise ValueError(f"unknown compression {chunk.compression!r}")
     if len(content) != size:
         raise ValueError(f"chunk declares {size} bytes and holds {'more' if len(content) > size else len(content)}")
-    at, room = 0, MAX_BYTES - 2 * size
-    while at < size:
-        at += 9 + int.from_bytes(content[at + 1 : at + 9], "little")
-        room -= RECORD_BYTES
-        if room < 0:
-            raise ValueError("chunk with more records than memory may hold")
-    yield from breakup_chunk(dataclasses.replace(chunk, compression="", data=content), validate_crc=True)
+    whole = dataclasses.replace(chunk, compression="", data=content)
+    yield from bounded_memory("a chunk of the bag")(breakup_chunk)(whole, validate_crc=True)
 
 
 def records_of(file: IO[bytes], report: Callable[[str, Exception], None]) -> Iterator[McapRecord]:
@@ -131,17 +122,17 @@ class Bag:
     def __init__(self, path: Path | str) -> None:
         self.path = Path(path)
         self.file = mcap_file(self.path)
-        with open_file(self.file, f"file {self.file}") as file:
+        with bounded_memory(f"bag {path}"), open_file(self.file, f"file {self.file}") as file:
             self.size_bytes = self.file.stat().st_size
             if self.size_bytes == 0:
                 raise InputError(f"bag file {self.file}", got="an empty file", expected="an MCAP file")
             try:
-                self._load(SeekingReader(file, record_size_limit=min(self.size_bytes, MAX_BYTES)))
+                self._load(file)
             except Exception as error:  # the bytes of a damaged file: anything may happen
                 self._refuse("its end: the recorder was killed or the file is cut", error)
 
-    def _load(self, reader: SeekingReader) -> None:
-        summary = reader.get_summary()
+    def _load(self, file: IO[bytes]) -> None:
+        summary = SeekingReader(file, record_size_limit=min(self.size_bytes, MAX_BYTES)).get_summary()
         if summary is None or summary.statistics is None:
             raise ValueError("no index")
         counts = summary.statistics.channel_message_counts
@@ -158,12 +149,19 @@ class Bag:
         self.topics: Mapping[str, TopicInfo] = MappingProxyType(dict(sorted(topics.items())))
         self.message_count = sum(counts.values())
         self.span_ns = times if self.message_count else None
-        if sum(index.length for index in summary.attachment_indexes) > MAX_BYTES:
-            raise ValueError(f"attachments of more than {MAX_BYTES} bytes")
-        self.attachments = MappingProxyType({record.name: record.data for record in reader.iter_attachments()})
-        texts = (record.metadata.get("serialized_metadata", "") for record in reader.iter_metadata())
+        attached, metadata = (self._listed(file, own) for own in (summary.attachment_indexes, summary.metadata_indexes))
+        self.attachments = MappingProxyType({record.name: record.data for record in attached})
+        texts = (record.metadata.get("serialized_metadata", "") for record in metadata)
         found = [custom for text in texts if (custom := parse_custom_data(text))]
         self.custom_data = MappingProxyType(found[-1] if found else {})
+
+    def _listed(self, file: IO[bytes], indexes: Iterable[AttachmentIndex | MetadataIndex]) -> Iterator[Any]:
+        """Yield the records of an index; one that lists a record many times has more than the file."""
+        room = self.size_bytes
+        for index in indexes:
+            file.seek(index.offset)
+            yield next(StreamReader(file, skip_magic=True, record_size_limit=room).records)
+            room -= file.tell() - index.offset
 
     def topic(self, name: str) -> TopicInfo:
         """Return a topic, with or without the leading slash.
@@ -189,13 +187,8 @@ class Bag:
     @functools.cached_property
     def _all(self) -> list[BagMessage] | None:
         """All messages of a short bag: a chunk holds all topics, so one pass serves all of them."""
-        found, room = [], MAX_BYTES // 2
-        for message in self._stored():
-            room -= RECORD_BYTES + len(message.value)
-            if room < 0:
-                return None
-            found.append(message)
-        return found
+        short = self.size_bytes <= MAX_BYTES // 8
+        return bounded_memory(f"bag {self.path}", self.size_bytes)(list)(self._stored()) if short else None
 
     def _stored(self) -> Iterator[BagMessage]:
         with open_file(self.file, f"file {self.file}") as file:
@@ -216,8 +209,6 @@ class Bag:
         decode = self._decoder(info)
         for message in self.raw([info.name]):
             try:
-                if len(message.value) > MAX_DECODED:
-                    raise ValueError(f"{len(message.value)} bytes, more than {MAX_DECODED}")
                 value = decode(message.value)
             except Exception as error:  # the decoder is generated from the file's own schema: anything may happen
                 got = f"{type(error).__name__}: {error}"
@@ -230,7 +221,8 @@ class Bag:
         Raises:
             InputError: as `messages`.
         """
-        return Series(topic, self.messages(topic))
+        bounded = bounded_memory(f"topic {topic} of {self.path}", self.size_bytes)(Series)
+        return bounded(topic, self.messages(topic))
 
     def _decoder(self, info: TopicInfo) -> Callable[[bytes], Any]:
         schema = self._schemas[info.name]

@@ -11,7 +11,7 @@ from slip_bags.format import parse_custom_data
 from slip_bags.reader import mcap_file, records_of, topic_info
 from slip_bags.writer import BagWriter
 from slip_core.errors import InputError
-from slip_core.files.resources import open_file
+from slip_core.files.resources import bounded_memory, open_file
 
 
 def recover(source: Path, output: Path) -> str:
@@ -31,7 +31,7 @@ def recover(source: Path, output: Path) -> str:
     schemas: dict[int, Schema] = {}
     channels: dict[int, Channel] = {}
     path = mcap_file(source)
-    with open_file(path, f"file {path}") as file, ExitStack() as stack:
+    with bounded_memory(f"bag {source}"), open_file(path, f"file {path}") as file, ExitStack() as stack:
         for record in records_of(file, lambda part, _: losses.append(f", not readable: {part}")):
             if isinstance(record, Schema):
                 schemas[record.id] = record

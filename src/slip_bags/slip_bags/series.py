@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import functools
-import sys
 from collections.abc import Iterable, Iterator
 from operator import attrgetter
 from types import SimpleNamespace
@@ -14,15 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_core.errors import InputError, UnknownName
-from slip_core.files.resources import MAX_BYTES
 from slip_core.stamps import NS_PER_S
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from slip_bags.format import BagMessage
-
-_ROW_BYTES = 256  # of the times of a message, and its list
 
 
 class Series(dict[str, NDArray[Any]]):
@@ -47,17 +43,12 @@ class Series(dict[str, NDArray[Any]]):
         rows: list[list[Any]] = []
         fields: dict[str, attrgetter[Any]] = {}
         known: dict[tuple[str, ...], list[str]] = {}  # names and the like, which seldom change, are kept once
-        size = 0
         for _, *numbers, value in messages:
             fields = fields or {path: attrgetter(path) for path in _paths(value)}
             row = [_cell(field(value)) for field in fields.values()]
-            size += _ROW_BYTES
             for place, cell in enumerate(row):
                 if isinstance(cell, list) and cell and isinstance(cell[0], str):
                     row[place] = known.setdefault(tuple(cell), cell)
-                size += 8 if row[place] is not cell else _size(cell)
-            if size > MAX_BYTES:
-                raise InputError(f"topic {topic}", got="more messages than memory may hold", expected="a shorter bag")
             times.append(tuple(numbers))
             rows.append(row)
         table = np.array(times, dtype=np.int64).reshape(len(times), 3)
@@ -133,15 +124,6 @@ def _column(cells: tuple[Any, ...]) -> NDArray[Any]:
     for index, cell in enumerate(cells):
         column[index] = cell
     return column
-
-
-def _size(value: Any) -> int:
-    """Return about how many bytes a decoded value takes."""
-    if isinstance(value, np.ndarray):
-        return 112 + value.nbytes
-    if isinstance(value, SimpleNamespace):
-        value = [getattr(value, name) for name in value.__slots__]
-    return 112 + sum(map(_size, value)) if isinstance(value, list) else sys.getsizeof(value)
 
 
 def _frozen(array: NDArray[Any]) -> NDArray[Any]:

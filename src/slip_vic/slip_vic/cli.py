@@ -15,6 +15,7 @@ import click
 
 from slip_bags.cli import bag, echo, run_command
 from slip_core.errors import InputError
+from slip_core.files.resources import bounded_memory
 from slip_core.topics import checked_namespace
 from slip_vic import __version__
 from slip_vic.experiments.cli import benchmark, check, study, tune
@@ -193,7 +194,7 @@ def report(bags: tuple[Path, ...], out: Path) -> None:
     if len(set(labels)) != len(labels):
         labels = [str(path) for path in bags]
     runs = {label: read_data(path) for label, path in zip(labels, bags, strict=True)}
-    write_page(out, runs, command=shlex.join(["slip-vic", *sys.argv[1:]]))
+    bounded_memory(f"page {out}")(write_page)(out, runs, command=shlex.join(["slip-vic", *sys.argv[1:]]))
     echo(f"{out}: {out.stat().st_size / 1e6:.2f} MB")
 
 
@@ -243,7 +244,7 @@ def verify(bag_path: Path) -> None:
     from slip_vic.run.data import software_of
 
     opened = Bag(bag_path)
-    runs = read_run(opened)
+    runs = bounded_memory(f"bag {bag_path}", opened.size_bytes)(read_run)(opened)
     with Console(stderr=True).status("replaying"):
         verdict = verify_run(runs)
     echo(verdict.text())

@@ -15,6 +15,8 @@ from typing import Any, Final
 
 import yaml
 
+from slip_core.files.resources import MAX_TEXT
+
 DEEPEST: Final = 64
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
@@ -91,6 +93,8 @@ def parse_json(text: str) -> Any:
 
 
 def _check(text: str) -> None:
+    if len(text) > MAX_TEXT // 16:  # a node takes more than two hundred times as much
+        raise yaml.YAMLError(f"more than {MAX_TEXT // 16} characters")
     depth = 0
     for event in yaml.parse(text, Loader=_LOADER):
         if (tag := getattr(event, "tag", None)) not in (None, "!"):

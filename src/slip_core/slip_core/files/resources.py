@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
 import os
+import resource
+import sys
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, Final
@@ -15,9 +19,42 @@ PACKAGES: Final = "SLIP_VIC_PACKAGES"
 processes that are started inherit it."""
 
 MAX_BYTES: Final = 512 << 20
-"""Bytes of one file that are in memory at once."""
+"""Bytes that what a file becomes may take of memory."""
+PER_BYTE: Final = 16
+"""Bytes that each byte of a recording may take besides; those of a run take 12."""
 MAX_TEXT: Final = MAX_BYTES // 16
 """Bytes of a text: what a parser makes of it takes several times as much."""
+
+_bounding = threading.RLock()
+
+
+@contextlib.contextmanager
+def bounded_memory(what: str, recorded: int = 0) -> Iterator[None]:
+    """Let the process take at most `MAX_BYTES` more in the block, and `PER_BYTE` for each recorded byte.
+
+    Raises:
+        InputError: it needs more; what: names the file.
+    """
+    room = MAX_BYTES + PER_BYTE * recorded
+    with _bounding:
+        taken = int(Path("/proc/self/statm").read_text().split()[5]) * resource.getpagesize()
+        soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
+        try:
+            resource.setrlimit(resource.RLIMIT_DATA, (min(taken + room, soft % 2**64), hard))  # -1: without a limit
+            report, sys.unraisablehook = sys.unraisablehook, callable  # a generator that cannot close is not reported
+            try:
+                yield
+            finally:
+                resource.setrlimit(resource.RLIMIT_DATA, (soft, hard))
+                sys.unraisablehook = report
+        except (MemoryError, InputError) as error:
+            cause: BaseException | None = error
+            while not (isinstance(cause, MemoryError | None) or "out of memory" in str(cause)):
+                cause = cause.__context__
+            if cause is None:
+                raise
+            got = f"more than memory may hold: {room >> 20} MiB, or ulimit"
+            raise InputError(what, got=got, expected="a smaller file") from None
 
 
 def read_text(uri: str, what: str) -> str:

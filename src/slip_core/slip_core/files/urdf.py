@@ -24,7 +24,7 @@ NO_LIMIT = 1e4
 """[rad] Limits that stand for none: a joint without end is read as a revolute one that never comes there. No place [m],
 angle, mass [kg] or inertia [kg m2] of a robot is larger."""
 
-LARGEST = 16 << 20
+LARGEST = 4 << 20
 DEEPEST = 200
 NESTED = 50
 """Bounds of a text in characters, of a tree in joints from its base to a tip, and of elements inside each other: beyond

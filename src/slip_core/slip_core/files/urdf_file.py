@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from slip_core.errors import InputError
-from slip_core.files.resources import find_file, open_file, read_text
+from slip_core.files.resources import bounded_memory, find_file, open_file, read_text
 from slip_core.grasp_params import ArmParams
 
 SUFFIX: Final = ".xacro"
@@ -41,7 +41,7 @@ def read_urdf(uri: str, what: str, arguments: Mapping[str, str] | None = None) -
     """
     open_file(find_file(uri), what).close()
     if uri.endswith(SUFFIX):
-        return _expanded(find_file(uri), what, arguments or {})
+        return bounded_memory(what)(_expanded)(find_file(uri), what, arguments or {})
     if arguments:
         raise InputError(what, got=f"arguments {', '.join(arguments)}", expected=f"a file *{SUFFIX}, which takes them")
     return read_text(uri, what)
@@ -55,6 +55,7 @@ def _expanded(path: Path, what: str, arguments: Mapping[str, str]) -> str:
         raise InputError(what, got=str(path), expected="the package that expands it", fix="pip install xacro") from None
     declared = ""
     try:
+        xacro.open = lambda path: open_file(Path(path), path) if Path(path).exists() else Path(path).stat()
         xacro.init_stacks(str(path))
         document = xacro.parse(None, str(path))
         declared = _declared(document.getElementsByTagName("xacro:arg"), arguments)

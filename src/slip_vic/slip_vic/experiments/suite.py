@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 
 from slip_core.errors import InputError
+from slip_core.files.resources import bounded_memory
 from slip_vic.experiments.law import KNOWN, FoundLaw
 from slip_vic.experiments.rows import FILE, digest_of, key_of, read_json, read_rows, refuse_difference
 from slip_vic.experiments.run import Row, run
@@ -71,8 +72,8 @@ def read_result(folder: Path) -> list[Row]:
     Raises:
         InputError: it has no rows, they are of another suite, or they were changed after they were written.
     """
-    made_of, written = read_json(folder / FILE)
-    rows = read_rows(folder / FILE)
+    with bounded_memory(f"folder {folder}"):
+        (made_of, written), rows = read_json(folder / FILE), read_rows(folder / FILE)
     for what, found, wanted in (("suite", made_of.get("suite"), DIGEST), ("rows", digest_of(rows), written)):
         if found != wanted:
             raise InputError(f"folder {folder}", got=f"{what} {found}", expected=f"{wanted}, of slip-vic benchmark run")

@@ -13,10 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_bags.format import BagMessage
-from slip_bags.reader import RECORD_BYTES, Bag
+from slip_bags.reader import Bag
 from slip_core.arms import ParamsOfArms, by_arm, model_of_arms, prefix_of
 from slip_core.errors import InputError
-from slip_core.files.resources import MAX_BYTES
 from slip_core.params import build, flatten
 from slip_core.stamps import NS_PER_S
 from slip_core.topics import EVENTS, contact_topic
@@ -189,12 +188,8 @@ def _parameter_value(value: ParameterValue) -> object:
 def _complete(bag: Bag, topic: str, read: Callable[[Any], object]) -> list[BagMessage]:
     """Return the messages of a topic with what `read` makes of each; a topic with lost messages is refused."""
     what = f"topic {topic} of {bag.path}"
-    messages: list[BagMessage] = []
-    for one in bag.messages(own_topic(bag, topic)):
-        if 2 * RECORD_BYTES * len(messages) > MAX_BYTES:  # a record, and what is read of it
-            raise InputError(what, got="more messages than memory may hold", expected="a shorter bag")
-        messages.append(one._replace(value=read(one.value)))
-    messages.sort(key=attrgetter("log_time_ns"))
+    found = (one._replace(value=read(one.value)) for one in bag.messages(own_topic(bag, topic)))
+    messages = sorted(found, key=attrgetter("log_time_ns"))
     if not messages:
         raise InputError(what, got="no messages", expected="the whole run")
     numbers = np.array([one.sequence for one in messages])

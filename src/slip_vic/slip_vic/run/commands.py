@@ -7,6 +7,7 @@ from pathlib import Path
 
 from slip_core.arms import prefix_of
 from slip_core.errors import InputError
+from slip_core.files.resources import read_text
 from slip_core.params import ParameterModel
 from slip_core.topics import EVENTS, TOPICS
 from slip_vic.run.processes import python_module
@@ -64,7 +65,8 @@ def native_command(exported: Path, params: ControllerParams, *words: str) -> lis
     if not node.exists():
         expected = "the node of an export"
         raise InputError(f"{node}", got="no such file", expected=expected, fix="cmake, see docs/native.md")
-    if (exported / "controller.yaml").read_text(encoding="utf-8") != ros_parameter_file(own, NODES["controller"][0]):
+    given = read_text(f"{exported}/controller.yaml", f"parameters of {exported}")
+    if given != ros_parameter_file(own, NODES["controller"][0]):
         fix = "export it with the same options"
         raise InputError(f"{exported}", got="other parameters", expected="those of the controller in this run", fix=fix)
     subscribers = f"expected_subscribers:={params.expected_subscribers}"

@@ -21,6 +21,7 @@ from slip_bags.series import Series
 from slip_core.arrays import Array
 from slip_core.errors import InputError, UnknownName
 from slip_core.files.plain_yaml import read_yaml
+from slip_core.files.resources import bounded_memory
 from slip_core.params import flat_names
 from slip_core.topics import TOPICS
 from slip_core.types import AXES, INTERFACES
@@ -137,17 +138,18 @@ def read_data(path: Path) -> RunData:
         InputError: no bag, a damaged one, or one without joint states or the arm's description.
     """
     bag = Bag(path)
-    arms = _topics(bag)
-    start_ns = min(int(bag.series(own_topic(bag, topics["joint_states"])).stamps[0]) for topics in arms.values())
-    ends = ("/object_state", "/object/state")
-    topic = next((name for name, info in bag.topics.items() if name.endswith(ends) and info.message_count), None)
-    fields = "pose.pose.position", "pose.pose.orientation"
-    return RunData(
-        tuple(_read_arm(bag, name, topics, start_ns) for name, topics in arms.items()),
-        None if topic is None else _channel(bag.series(own_topic(bag, topic)), start_ns, *fields),
-        _parameters(bag, "bridge.params.yaml", next(iter(arms))),
-        {name: bag.custom_data[name] for name in ("scenario", "seed") if name in bag.custom_data} | software_of(bag),
-    )
+    with bounded_memory(f"bag {path}", bag.size_bytes):
+        arms = _topics(bag)
+        start_ns = min(int(bag.series(own_topic(bag, topics["joint_states"])).stamps[0]) for topics in arms.values())
+        ends = ("/object_state", "/object/state")
+        topic = next((name for name, info in bag.topics.items() if name.endswith(ends) and info.message_count), None)
+        fields = "pose.pose.position", "pose.pose.orientation"
+        return RunData(
+            tuple(_read_arm(bag, name, topics, start_ns) for name, topics in arms.items()),
+            None if topic is None else _channel(bag.series(own_topic(bag, topic)), start_ns, *fields),
+            _parameters(bag, "bridge.params.yaml", next(iter(arms))),
+            {name: text for name, text in bag.custom_data.items() if name in ("scenario", "seed")} | software_of(bag),
+        )
 
 
 def _topics(bag: Bag) -> dict[str, dict[str, str]]:
