@@ -187,8 +187,8 @@ class Bag:
     @functools.cached_property
     def _all(self) -> list[BagMessage] | None:
         """All messages of a short bag: a chunk holds all topics, so one pass serves all of them."""
-        short = self.size_bytes <= MAX_BYTES // 8
-        return bounded_memory(f"bag {self.path}", self.size_bytes)(list)(self._stored()) if short else None
+        short = self.size_bytes <= MAX_BYTES // 64
+        return bounded_memory(f"bag {self.path}")(list)(self._stored()) if short else None
 
     def _stored(self) -> Iterator[BagMessage]:
         with open_file(self.file, f"file {self.file}") as file:
@@ -221,8 +221,7 @@ class Bag:
         Raises:
             InputError: as `messages`.
         """
-        bounded = bounded_memory(f"topic {topic} of {self.path}", self.size_bytes)(Series)
-        return bounded(topic, self.messages(topic))
+        return bounded_memory(f"topic {topic} of {self.path}")(Series)(topic, self.messages(topic))
 
     def _decoder(self, info: TopicInfo) -> Callable[[bytes], Any]:
         schema = self._schemas[info.name]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import itertools
 from collections.abc import Iterable, Iterator
 from operator import attrgetter
 from types import SimpleNamespace
@@ -19,6 +20,10 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from slip_bags.format import BagMessage
+
+
+_AT_ONCE = 4096
+"""Messages that are in memory as objects at once: arrays take a fraction."""
 
 
 class Series(dict[str, NDArray[Any]]):
@@ -39,23 +44,24 @@ class Series(dict[str, NDArray[Any]]):
 
     def __init__(self, topic: str, messages: Iterable[BagMessage]) -> None:
         self.topic = topic
-        times: list[tuple[int, ...]] = []
-        rows: list[list[Any]] = []
+        times, parts = [np.empty((0, 3), dtype=np.int64)], list[list[NDArray[Any]]]()
         fields: dict[str, attrgetter[Any]] = {}
         known: dict[tuple[str, ...], list[str]] = {}  # names and the like, which seldom change, are kept once
-        for _, *numbers, value in messages:
-            fields = fields or {path: attrgetter(path) for path in _paths(value)}
-            row = [_cell(field(value)) for field in fields.values()]
-            for place, cell in enumerate(row):
-                if isinstance(cell, list) and cell and isinstance(cell[0], str):
-                    row[place] = known.setdefault(tuple(cell), cell)
-            times.append(tuple(numbers))
-            rows.append(row)
-        table = np.array(times, dtype=np.int64).reshape(len(times), 3)
+        left = iter(messages)
+        while some := list(itertools.islice(left, _AT_ONCE)):
+            fields = fields or {path: attrgetter(path) for path in _paths(some[0].value)}
+            rows = [[_cell(field(one.value)) for field in fields.values()] for one in some]
+            for row in rows:
+                for place, cell in enumerate(row):
+                    if isinstance(cell, list) and cell and isinstance(cell[0], str):
+                        row[place] = known.setdefault(tuple(cell), cell)
+            times.append(np.array([one[1:4] for one in some], dtype=np.int64))
+            parts.append([_column(cells) for cells in zip(*rows, strict=True)])
+        table = np.concatenate(times)
         order = np.argsort(table[:, 0], kind="stable")
         self.log_time_ns, self.publish_time_ns, self.sequence = _frozen(table[order]).T
-        columns = zip(*(rows[index] for index in order), strict=True)
-        super().__init__({path: _frozen(_column(cells)) for path, cells in zip(fields, columns, strict=True)})
+        columns = zip(*parts, strict=True)
+        super().__init__({path: _frozen(_joined(column)[order]) for path, column in zip(fields, columns, strict=True)})
 
     def __missing__(self, path: str) -> NDArray[Any]:
         raise UnknownName("field", path, self, where=f"topic {self.topic}")
@@ -124,6 +130,12 @@ def _column(cells: tuple[Any, ...]) -> NDArray[Any]:
     for index, cell in enumerate(cells):
         column[index] = cell
     return column
+
+
+def _joined(parts: tuple[NDArray[Any], ...]) -> NDArray[Any]:
+    """Put the columns of one field in parts together, as `_column` does."""
+    same = len({part.shape[1:] for part in parts}) == 1
+    return np.concatenate(parts) if same else _column(tuple(cell for part in parts for cell in part))
 
 
 def _frozen(array: NDArray[Any]) -> NDArray[Any]:

@@ -244,7 +244,7 @@ def verify(bag_path: Path) -> None:
     from slip_vic.run.data import software_of
 
     opened = Bag(bag_path)
-    runs = bounded_memory(f"bag {bag_path}", opened.size_bytes)(read_run)(opened)
+    runs = bounded_memory(f"bag {bag_path}")(read_run)(opened)
     with Console(stderr=True).status("replaying"):
         verdict = verify_run(runs)
     echo(verdict.text())

@@ -20,8 +20,6 @@ processes that are started inherit it."""
 
 MAX_BYTES: Final = 512 << 20
 """Bytes that what a file becomes may take of memory."""
-PER_BYTE: Final = 16
-"""Bytes that each byte of a recording may take besides; those of a run take 12."""
 MAX_TEXT: Final = MAX_BYTES // 16
 """Bytes of a text: what a parser makes of it takes several times as much."""
 
@@ -29,18 +27,19 @@ _bounding = threading.RLock()
 
 
 @contextlib.contextmanager
-def bounded_memory(what: str, recorded: int = 0) -> Iterator[None]:
-    """Let the process take at most `MAX_BYTES` more in the block, and `PER_BYTE` for each recorded byte.
+def bounded_memory(what: str) -> Iterator[None]:
+    """Let the process take at most `MAX_BYTES` more in the block.
 
     Raises:
         InputError: it needs more; what: names the file.
     """
-    room = MAX_BYTES + PER_BYTE * recorded
     with _bounding:
         taken = int(Path("/proc/self/statm").read_text().split()[5]) * resource.getpagesize()
         soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
         try:
-            resource.setrlimit(resource.RLIMIT_DATA, (min(taken + room, soft % 2**64), hard))  # -1: without a limit
+            resource.setrlimit(
+                resource.RLIMIT_DATA, (min(taken + MAX_BYTES, soft % 2**64), hard)
+            )  # -1: without a limit
             report, sys.unraisablehook = sys.unraisablehook, callable  # a generator that cannot close is not reported
             try:
                 yield
@@ -53,7 +52,7 @@ def bounded_memory(what: str, recorded: int = 0) -> Iterator[None]:
                 cause = cause.__context__
             if cause is None:
                 raise
-            got = f"more than memory may hold: {room >> 20} MiB, or ulimit"
+            got = f"more than memory may hold: {MAX_BYTES >> 20} MiB, or ulimit"
             raise InputError(what, got=got, expected="a smaller file") from None
 
 

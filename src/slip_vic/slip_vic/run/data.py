@@ -138,7 +138,7 @@ def read_data(path: Path) -> RunData:
         InputError: no bag, a damaged one, or one without joint states or the arm's description.
     """
     bag = Bag(path)
-    with bounded_memory(f"bag {path}", bag.size_bytes):
+    with bounded_memory(f"bag {path}"):
         arms = _topics(bag)
         start_ns = min(int(bag.series(own_topic(bag, topics["joint_states"])).stamps[0]) for topics in arms.values())
         ends = ("/object_state", "/object/state")
