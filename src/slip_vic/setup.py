@@ -8,15 +8,7 @@ setup(
     name=NAME,
     version="0.1.0",
     packages=find_packages(),
-    package_data={
-        NAME: [
-            "py.typed",
-            "presets/*/*.yaml",
-            "scenarios/*.yaml",
-            "page/static/*",
-            "experiments/*.gz",
-        ]
-    },
+    package_data={NAME: ["py.typed", "presets/*/*.yaml", "scenarios/*.yaml", "page/static/*", "experiments/*.gz"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),

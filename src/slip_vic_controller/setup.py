@@ -15,9 +15,5 @@ setup(
     ],
     install_requires=["setuptools", "slip_core", "slip_msgs_py", "numpy", "pin", "pydantic", "scipy"],
     extras_require={"test": ["pytest"]},
-    entry_points={
-        "console_scripts": [
-            "slip_vic_controller_node = slip_vic_controller.main:main",
-        ]
-    },
+    entry_points={"console_scripts": ["slip_vic_controller_node = slip_vic_controller.main:main"]},
 )

@@ -57,13 +57,7 @@ def create_publisher(node: NodeLike, name: str) -> Publisher:
 
 
 def create_subscription(
-    node: NodeLike,
-    name: str,
-    callback: Callable[[Any], None],
-    *,
-    depth: int,
-    reliable: bool,
-    raw: bool = False,
+    node: NodeLike, name: str, callback: Callable[[Any], None], *, depth: int, reliable: bool, raw: bool = False
 ) -> Subscription:
     """Create a subscription to a topic of the table; a raw one hands over bytes.
 

@@ -9,43 +9,33 @@ from __future__ import annotations
 from numba import carray
 
 from slip_core.arrays import Array
-from slip_core.records import POSE, dtype_of, record
+from slip_core.records import POSE, record
 from slip_vic_controller.config.noise import use_tare
 from slip_vic_controller.contact.observer import ROW_SIZE
 from slip_vic_controller.cycle.cycle import cycle
-from slip_vic_controller.cycle.deciding import too_heavy
 from slip_vic_controller.interfaces import mean_velocity
 from slip_vic_controller.law.arm import ARM, gather
 from slip_vic_controller.law.bounds import stiffness_limit
 from slip_vic_controller.law.gains import LAW_GAINS, adapt, slow_down
 from slip_vic_controller.law.symbols import SYMBOLS
-from slip_vic_controller.safety.conditions import WhyRecord, put_why
 from slip_vic_controller.safety.hold import fill_hold
 from slip_vic_controller.session.arrival import (
+    WHY,
     begin_answer,
     is_silent,
+    overload,
     ramp_to,
     receive_joint_state,
     receive_slip,
     receive_wrench,
 )
 from slip_vic_controller.session.symbols import fill_symbols
-from slip_vic_controller.state import (
-    ARM_SIZE,
-    ARM_STATE,
-    CONFIG,
-    CONFIG_SIZE,
-    INPUTS,
-    INPUTS_SIZE,
-    OUTPUTS_SIZE,
-    TASK_SIZE,
-)
+from slip_vic_controller.state import ARM_SIZE, CONFIG, CONFIG_SIZE, INPUTS_SIZE, OUTPUTS_SIZE, TASK_SIZE
 
 In = Array
 """Numbers that a function reads."""
 Out = Array
 """Numbers that it reads and writes."""
-WHY = dtype_of(WhyRecord)
 _ARM, _GAINS, _POSE, _SYMBOLS, _WHY = (dtype.itemsize // 8 for dtype in (ARM, LAW_GAINS, POSE, SYMBOLS, WHY))
 
 
@@ -109,9 +99,7 @@ def slip_vic_retune(config: Out, classical: int, spin_excursion: float, hold_sti
 
 def slip_vic_too_heavy(config: In, arm: In, inputs: In, why: Out) -> None:
     """Write to a SlipVic_WhyRecord why the arm cannot hold the object where it was in the last cycle, if it cannot."""
-    c, s = record(carray(config, CONFIG_SIZE), CONFIG), record(carray(arm, ARM_SIZE), ARM_STATE)
-    i = record(carray(inputs, INPUTS_SIZE), INPUTS)
-    put_why(record(carray(why, _WHY), WHY), too_heavy(c, s, i.arm))
+    overload(carray(config, CONFIG_SIZE), carray(arm, ARM_SIZE), carray(inputs, INPUTS_SIZE), carray(why, _WHY))
 
 
 def slip_vic_use_tare(config: Out, arm: In) -> None:

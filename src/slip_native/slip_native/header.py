@@ -16,13 +16,7 @@ from slip_vic_controller.contact.observer import Row
 from slip_vic_controller.law.symbols import SYMBOLS, Symbols
 from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.path.goals import GoalPhase, Refusal
-from slip_vic_controller.safety.conditions import (
-    REASONS,
-    Missing,
-    Mode,
-    Reason,
-    Request,
-)
+from slip_vic_controller.safety.conditions import REASONS, Missing, Mode, Reason, Request
 from slip_vic_controller.session.words import MISSING, MISTAKES, SENSORS
 from slip_vic_controller.state import GOVERNED, ArmState, ControllerConfig, CycleInputs, CycleOutputs, TaskState
 

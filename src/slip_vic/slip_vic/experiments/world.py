@@ -34,10 +34,7 @@ SCALED: Final = {
     "friction": ("friction.mu_s", "friction.mu_k"),
 }  # fmt: skip
 """Parameters of the bridge that a mismatch changes by SHARE."""
-MISMATCHES: Final = (
-    NO_MISMATCH,
-    *(f"{what}{sign}" for what in (*SCALED, "wrench_bias") for sign in "+-"),
-)
+MISMATCHES: Final = (NO_MISMATCH, *(f"{what}{sign}" for what in (*SCALED, "wrench_bias") for sign in "+-"))
 
 
 @dataclass(frozen=True, slots=True)

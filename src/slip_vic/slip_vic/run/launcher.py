@@ -91,9 +91,7 @@ class Launcher:
             _check_new_folder(bag)
 
     def run(
-        self,
-        on_progress: Callable[[float], None] = lambda _: None,
-        on_domain: Callable[[int], None] = lambda _: None,
+        self, on_progress: Callable[[float], None] = lambda _: None, on_domain: Callable[[int], None] = lambda _: None
     ) -> RunResult:
         """Run to the end; `on_progress` is called with the simulated time [s], from a reader thread.
 

@@ -35,11 +35,7 @@ class Child(subprocess.Popen[str]):
     """
 
     def __init__(
-        self,
-        name: str,
-        argv: Sequence[str],
-        environment: Mapping[str, str],
-        on_event: Callable[[str, Event], None],
+        self, name: str, argv: Sequence[str], environment: Mapping[str, str], on_event: Callable[[str, Event], None]
     ) -> None:
         self.name = name
         self._on_event = on_event

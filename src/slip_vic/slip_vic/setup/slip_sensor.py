@@ -13,12 +13,7 @@ from slip_core.vectors import spatial
 from slip_vic.setup.bringup.heard import Track
 from slip_vic_controller.contact.estimate import SensorHealth
 from slip_vic_controller.contact.friction_estimate import GIVES_M
-from slip_vic_controller.contact.slip_health import (
-    SLIP_EVIDENCE,
-    add_reading,
-    judge_health,
-    start_health,
-)
+from slip_vic_controller.contact.slip_health import SLIP_EVIDENCE, add_reading, judge_health, start_health
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.robot import Robot
 

@@ -291,8 +291,7 @@ def decide(c: ArmCycle, arms: Arms, alone: bool) -> None:
     if state.law.known == 0:
         begin_law(c)
         # No drive can hold it either, so the arm sinks until its lever is short enough: a user decides to begin there.
-        heavy, asked = too_heavy(config, state, inputs.arm), inputs.request
-        stays = asked != Request.ENABLE and asked != Request.RESET_FAULT
+        heavy, stays = too_heavy(config, state, inputs.arm), inputs.request not in (Request.ENABLE, Request.RESET_FAULT)
         if heavy.reason == Reason.NONE and stays and state.mode.reason.reason == Reason.TOO_HEAVY:
             heavy = read_why(state.mode.reason)
         if heavy.reason != Reason.NONE:

@@ -136,21 +136,6 @@ def sharing(config: LawConfig, gains: LawGains, slips: Records[Pose]) -> Sharing
 
 
 @part
-def share_of(shared: Sharing, radius: float, h_o: Spatial) -> Spatial:
-    """Return the own contact's share of h_o, W G^T (sum_j G_j W G_j^T)^-1 h_o; [N, N m], both on own pad axes.
-
-    Args:
-        shared: how the contacts share.
-        radius: rho [m].
-        h_o: wrench at the object's centre of mass.
-
-    Implements: ours: the least load in the metric of the limit surface.
-    """
-    y = shared.inverse @ (h_o.angular - shared.middle.cross(h_o.linear))
-    return Spatial((1.0 / shared.contacts) * h_o.linear + y.cross(shared.own), (radius * radius) * y)
-
-
-@part
 def internal_wrench(
     config: LawConfig, gains: LawGains, samples: Records[ContactSample], slips: Records[Pose], o: ObjectMotion,
 ) -> Spatial:  # fmt: skip
@@ -160,11 +145,14 @@ def internal_wrench(
         config, gains, samples, slips: as in `object_motion`.
         o: the object, with h_o.
 
-    Implements: ours: h_int = h - W G^T (sum_j G_j W G_j^T)^-1 h_o.
+    Implements: ours: h_int = h - W G^T (sum_j G_j W G_j^T)^-1 h_o, the least share in the metric of the limit surface.
     """
     if config.contacts < 2:
         return NOTHING
-    return spatial(samples[0].wrench) - share_of(sharing(config, gains, slips), config.radius, o.h_o)
+    shared = sharing(config, gains, slips)
+    y = shared.inverse @ (o.h_o.angular - shared.middle.cross(o.h_o.linear))
+    force = (1.0 / shared.contacts) * o.h_o.linear + y.cross(shared.own)
+    return spatial(samples[0].wrench) - Spatial(force, (config.radius * config.radius) * y)
 
 
 @part

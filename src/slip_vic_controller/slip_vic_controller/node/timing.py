@@ -7,16 +7,7 @@ from collections.abc import Sequence
 
 from slip_core.stamps import NS_PER_S
 
-SCALARS = (
-    "period_s",
-    "input_age_s",
-    "wrench_age_s",
-    "slip_age_s",
-    "compute_s",
-    "latency_s",
-    "overruns",
-    "missed",
-)
+SCALARS = ("period_s", "input_age_s", "wrench_age_s", "slip_age_s", "compute_s", "latency_s", "overruns", "missed")
 
 
 class CycleTiming:

@@ -168,8 +168,7 @@ class TrajectoryParams(ParameterModel):
     """The built-in reference, relative to the pose of {ee} at the first tick, on world axes."""
 
     kind: Literal["hold", "quintic", "waypoints", "circle", "lemniscate", "topic", "goal"] = parameter(
-        "hold",
-        "reference motion; topic and goal hold until the first message arrives",
+        "hold", "reference motion; topic and goal hold until the first message arrives"
     )
     start_s: float = parameter(0.0, "time at rest before the motion", unit="s", ge=0.0)
     duration_s: float = parameter(2.0, "duration, ramps included; also of goals without a time", unit="s", gt=0.0)

@@ -44,7 +44,7 @@ class Hold(Record):
 
 @part
 def fill_hold(config: HoldConfig, mass: float, inertia: Array, gravity: Array, stiffness: float, period: float) -> None:
-    """Let HOLD use an object, and a stiffness as far as the control period admits it: beyond, it is slow motion.
+    """Let HOLD use an object and a stiffness, and the rate that the control period admits.
 
     Args:
         config: changed; `carriers` share the object.
@@ -108,9 +108,8 @@ def hold_effort(
     R = mat(arm.rotation)
     R_o, r = R @ pad.T(), R @ r_pad
     for j in range(n):
-        if arm.M[j, j] > 0.0:
-            held = _wrench_of(config, R_o, r, column(arm, j)).dot(column(arm, j))
-            factor = max(factor, 1.0 + 0.5 * held / arm.M[j, j])
+        held = _wrench_of(config, R_o, r, column(arm, j)).dot(column(arm, j))
+        factor = max(factor, 1.0 + 0.5 * held / arm.M[j, j])
     rate = min(config.rate, config.fastest / factor)
     for j in range(n):
         qdd[j] = rate * (rate * (state.posture[j] - sample.position[j]) - 2.0 * sample.velocity[j])
@@ -135,8 +134,7 @@ def keep_posture(
     has turned on the pad: without the pull, the joint would start to move again.
 
     Args:
-        config: of HOLD.
-        state: of HOLD; changed.
+        config, state: of HOLD; the state is changed.
         sample: position and velocity of the joints; [rad], [rad/s].
         limited: which joints get another effort than HOLD needs, by size or rate; (n,) 0 or 1.
         M: inertia (n, n) [kg m2].

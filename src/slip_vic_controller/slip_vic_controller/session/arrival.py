@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from slip_core.arrays import Array
 from slip_core.compiled import BOOL, IN1, INT, OUT1, VOID, interpreted, kernel
-from slip_core.records import record
+from slip_core.records import dtype_of, record
 from slip_vic_controller.arm.estimator import replace_sample, use_estimate
+from slip_vic_controller.cycle.deciding import too_heavy
 from slip_vic_controller.law.gains import LAW_GAINS, fill_ramp, gains_at
-from slip_vic_controller.safety.conditions import SAMPLE_FAULTS, Reason
+from slip_vic_controller.safety.conditions import SAMPLE_FAULTS, Reason, WhyRecord, put_why
 from slip_vic_controller.safety.validation import (
     await_answer,
     queue_slip,
@@ -20,6 +21,7 @@ from slip_vic_controller.safety.validation import (
 )
 from slip_vic_controller.state import ARM_STATE, CONFIG, INPUTS
 
+WHY = dtype_of(WhyRecord)
 UNANSWERED = tuple(interpreted(unanswered)(fault) for fault in range(SAMPLE_FAULTS))
 """By fault; looked up in every cycle."""
 
@@ -124,6 +126,18 @@ def begin_answer(
         return False
     take_replaced(s.joint, s.joint.answers.stamp_ns, s.estimate.q, s.estimate.v, now_ns)
     return True
+
+
+@kernel(VOID, IN1, IN1, IN1, OUT1)
+def overload(config: Array, state: Array, inputs: Array, why: Array) -> None:
+    """Write why the arm cannot hold the object of `config` where it is, if it cannot.
+
+    Args:
+        config, state, inputs: CONFIG; ARM_STATE; INPUTS with the arm.
+        why: result; WHY.
+    """
+    heavy = too_heavy(record(config, CONFIG), record(state, ARM_STATE), record(inputs, INPUTS).arm)
+    put_why(record(why, WHY), heavy)
 
 
 @kernel(VOID, OUT1, IN1, INT)

@@ -14,17 +14,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from slip_core.arrays import Array, matrix_from_quat_xyzw, product, readonly
-from slip_core.compiled import interpreted
 from slip_core.errors import InputError
 from slip_core.params import flatten
-from slip_core.records import place, record
+from slip_core.records import new, place, record
 from slip_core.stamps import NS_PER_S, seconds_to_ns
 from slip_core.types import CartesianReference, DisplacementSample, JointSample, PoseGoal, SlipSample, WrenchSample
 from slip_vic_controller.arm.estimator import JointRecord
 from slip_vic_controller.config.controller import Controller, governed_stream, renew_config
 from slip_vic_controller.config.noise import use_tare
 from slip_vic_controller.cycle.cycle import cycle
-from slip_vic_controller.cycle.deciding import too_heavy
 from slip_vic_controller.interfaces import SlipFromDisplacement
 from slip_vic_controller.law.gains import gain_report
 from slip_vic_controller.params.controller_params import ControllerParams
@@ -32,8 +30,10 @@ from slip_vic_controller.safety.conditions import SAMPLE_FAULTS, Missing, Mode, 
 from slip_vic_controller.safety.validation import JointInput, VectorInput
 from slip_vic_controller.session.arrival import (
     UNANSWERED,
+    WHY,
     begin_answer,
     is_silent,
+    overload,
     ramp_to,
     receive_joint_state,
     receive_slip,
@@ -245,14 +245,13 @@ class ArmSession:
 
     def refuse_overload(self, params: ControllerParams) -> None:
         """Raise InputError where the arm cannot hold the object of `params` in its present posture."""
-        config, inputs = self.config.copy(), np.zeros(INPUTS_SIZE)
+        config, inputs, why, robot = self.config.copy(), np.zeros(INPUTS_SIZE), new(WHY), self.controller.robot
         renew_config(record(config, CONFIG), params)
         q, qd = self._answers
-        self.controller.robot.terms(q, qd, inputs[_ARM])
-        heavy = interpreted(too_heavy)(record(config, CONFIG), self.state, record(inputs, INPUTS).arm)
-        if self.state.law.known and heavy.reason:
-            name, text = "parameters object and contacts", describe(heavy, self.controller.robot.joint_names)
-            raise InputError(name, got=text, expected="an object that the arm can hold")
+        robot.terms(q, qd, inputs[_ARM])
+        overload(config, self.row, inputs, why)
+        if self.state.law.known and (text := describe(record(why, WHY), robot.joint_names)):
+            raise InputError("parameters object and contacts", got=text, expected="an object that the arm can hold")
 
     def ramp_to(self, params: ControllerParams, target: Array) -> None:
         """Ramp gains and payload to those of `params`; target: its LAW_GAINS."""

@@ -185,10 +185,7 @@ class Walk:
             f"{1e3 * SLIP_OFFSET:.0f} mm/s",
             (not speed < RESTING_SPEED, "let the arm come to rest"),
             (math.isnan(offset), "the slip sensor reports NaN: see its own messages"),
-            (
-                not offset < SLIP_OFFSET,
-                "the slip sensor reports slip at rest: calibrate it; is its unit m/s?",
-            ),
+            (not offset < SLIP_OFFSET, "the slip sensor reports slip at rest: calibrate it; is its unit m/s?"),
             (not force < most, "filter the wrench in the driver, or grip harder and set governor.friction_limit"),
         )
 
@@ -257,7 +254,8 @@ class Walk:
         if not heard:
             return Verdict(step, "not moved: the drives resist the simulated hand", expected)
         (joints, _, slip, _), scale = joined(heard), axes * np.repeat([1.0, radius], 3)
-        words, to_do, moved, read = slide_mistake(self._robot, joints, slip, scale, self._noticed)
+        noticed = max(SLIP_SPEED, 6.0 * self._slip_noise)
+        words, to_do, moved, read = slide_mistake(self._robot, joints, slip, scale, noticed)
         return judge(
             step,
             f"slip_velocity {words}" if words else f"{1e3 * read:.0f} mm of {1e3 * moved:.0f} mm slid",
@@ -308,16 +306,6 @@ class Walk:
         arm = new(ARM)
         self._robot.terms(q, np.zeros(len(q)), arm)
         return np.asarray(record(arm, ARM).M[: len(q), : len(q)])
-
-    @property
-    def _noticed(self) -> float:
-        """The slip speed [m/s] that no noise explains."""
-        return max(SLIP_SPEED, 6.0 * self._slip_noise)
-
-    def _slipped(self, heard: Heard) -> Array:
-        """Return how far the pad has moved on the object by the sensor; (3,) [m] {ee}."""
-        steps = np.diff(heard.slip.stamp, prepend=heard.slip.stamp[:1])
-        return np.asarray(np.nansum(heard.slip.values[:, :3] * steps[:, None], axis=0))
 
     # -- the controller holds the arm --------------------------------------------------------------
 
@@ -389,7 +377,8 @@ class Walk:
         heard = self._go(there, rotation, DURATIONS_S[0])
         goal, status = self._system.goal, self._system.status
         missed = float(np.linalg.norm(self._robot.frame(heard.position)[0] - there))
-        slipped = float(np.linalg.norm(self._slipped(heard)))
+        steps = np.diff(heard.slip.stamp, prepend=heard.slip.stamp[:1])
+        slipped = float(np.linalg.norm(np.nansum(heard.slip.values[:, :3] * steps[:, None], axis=0)))
         most = SLIPPED + SIGMAS * self._slip_noise * math.sqrt(len(heard.slip.stamp)) / heard.slip.rate
         return judge(
             "first motion",
