@@ -10,14 +10,14 @@ import pytest
 
 from slip_core.errors import InputError
 from slip_core.params import build
-from slip_core.records import new, record
+from slip_core.records import dtype_of, new, record
 from slip_vic.scenarios.scenario import load
 from slip_vic_controller.law.bounds import slip_gain_limit
 from slip_vic_controller.law.gains import (
     LAW_GAINS,
-    RAMP,
     UNKNOWN_LAG,
     Gains,
+    Ramp,
     adapt,
     fill_ramp,
     gain_report,
@@ -40,7 +40,7 @@ def gains_now(ramp: np.ndarray, stamp_ns: int) -> Any:
 
 def ramp_between(start: np.ndarray, target: np.ndarray, begin_ns: int, least_ns: int) -> np.ndarray:
     """Return the RAMP between two LAW_GAINS."""
-    ramp = new(RAMP)
+    ramp = new(dtype_of(Ramp))
     call(fill_ramp, ramp, start, target, begin_ns, least_ns)
     return ramp
 
@@ -97,7 +97,7 @@ def test_the_lyapunov_function_never_grows_on_a_ramp(seed: int) -> None:
     a = 0.5 * np.minimum(*(g.D_D / g.M_D for g in ends))
     e, e_dot = rng.normal(size=6), rng.normal(size=6)
     steps = 500
-    dt = 1e-9 * record(ramp, RAMP).duration_ns / steps
+    dt = 1e-9 * record(ramp, dtype_of(Ramp)).duration_ns / steps
     largest_rate = max(np.sqrt((g.K_D / g.M_D).max()) + (g.D_D / g.M_D).max() for g in ends)
     inner = max(1, min(200, int(np.ceil(dt * largest_rate / 0.05))))
     last = None
@@ -120,7 +120,7 @@ def test_half_way_every_number_is_between_its_ends() -> None:
         law_gains(**STIFF, **faded, **held, object__mass=0.8, gains__alpha=7.0, gains__k_s=99.0),
     )
     ramp, half = ramp_between(start, target, 0, 200 * MS), new(LAW_GAINS)
-    call(gains_at, ramp, record(ramp, RAMP).duration_ns // 2, half)
+    call(gains_at, ramp, record(ramp, dtype_of(Ramp)).duration_ns // 2, half)
     changed = np.isfinite(start) & (start != target)
     assert changed.sum() == 12 + 4 * 3 + 1 + 9 + 3 + 2
     assert (np.minimum(start, target) < half)[changed].all()
@@ -130,7 +130,7 @@ def test_half_way_every_number_is_between_its_ends() -> None:
 def test_ramps_have_exact_ends() -> None:
     start, target = law_gains(), law_gains(**STIFF, object__mass=0.8, gains__spin="bounded")
     ramp = ramp_between(start, target, 5 * MS, 200 * MS)
-    duration = record(ramp, RAMP).duration_ns
+    duration = record(ramp, dtype_of(Ramp)).duration_ns
     for stamp, end in ((0, start), (5 * MS, start), (5 * MS + duration, target), (9 * MS + duration, target)):
         assert gains_now(ramp, stamp).tobytes() == end.tobytes()
     middle = gains_now(ramp, 5 * MS + duration // 2)
@@ -142,8 +142,8 @@ def test_ramps_have_exact_ends() -> None:
 
 def test_stiffening_takes_longer_than_softening() -> None:
     soft, hard = law_gains(), law_gains(**STIFF)
-    assert record(ramp_between(soft, hard, 0, 200 * MS), RAMP).duration_ns > 300 * MS
-    assert record(ramp_between(hard, soft, 0, 200 * MS), RAMP).duration_ns == 200 * MS
+    assert record(ramp_between(soft, hard, 0, 200 * MS), dtype_of(Ramp)).duration_ns > 300 * MS
+    assert record(ramp_between(hard, soft, 0, 200 * MS), dtype_of(Ramp)).duration_ns == 200 * MS
 
 
 def test_slowing_down_keeps_the_damping_ratio() -> None:

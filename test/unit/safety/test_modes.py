@@ -5,8 +5,6 @@ from __future__ import annotations
 import itertools
 from typing import NamedTuple
 
-import pytest
-
 from slip_core.records import dtype_of, new, record
 from slip_vic_controller.safety.conditions import (
     NOTHING,
@@ -134,13 +132,10 @@ def test_requested_hold_stays() -> None:
     assert run(POLICY, *steps, (BAD, Request.NONE, 1), (GOOD, Request.NONE, 10_000)).reason == "not enabled"
 
 
-@pytest.mark.parametrize("request_", [Request.NONE, Request.ENABLE, Request.HOLD])
-def test_fault_latches(request_: Request) -> None:
-    state = run(POLICY, (GOOD, Request.NONE, 1), (FAULTY, Request.NONE, 1), (GOOD, request_, 10_000))
-    assert (state.mode, state.reason) == (Mode.FAULT, F)
-
-
-def test_reset_leads_to_hold() -> None:
+def test_fault_latches_and_reset_leads_to_hold() -> None:
+    for request in (Request.NONE, Request.ENABLE, Request.HOLD):
+        state = run(POLICY, (GOOD, Request.NONE, 1), (FAULTY, Request.NONE, 1), (GOOD, request, 10_000))
+        assert (state.mode, state.reason) == (Mode.FAULT, F)
     steps = [(FAULTY, Request.NONE, 1), (GOOD, Request.RESET_FAULT, 1), (GOOD, Request.NONE, 10_000)]
     held = run(POLICY, *steps)
     assert (held.mode, held.reason) == (Mode.HOLD, "not enabled")

@@ -200,7 +200,7 @@ def test_what_takes_much_memory_is_refused(name: str, monkeypatch: pytest.Monkey
     assert resource.getrlimit(resource.RLIMIT_DATA) == before
 
 
-def small_bag(path: Path, schema: str, data: bytes, count: int = 1, listed: int = 1) -> None:
+def small_bag(path: Path, schema: str, data: bytes, listed: int = 1) -> None:
     """Write joint states of another kind, and an attachment that the index lists so many times."""
     with path.open("wb") as file:
         writer = Writer(file, chunk_size=1 << 26, index_types=IndexType.ATTACHMENT)
@@ -209,8 +209,7 @@ def small_bag(path: Path, schema: str, data: bytes, count: int = 1, listed: int 
         channel = writer.register_channel("/joint_states", "cdr", kind)
         writer.add_attachment(0, 0, "a", "", bytes(9999))
         writer._Writer__attachment_indexes *= listed
-        for _ in range(count):
-            writer.add_message(channel, 0, b"\0\1\0\0" + data, 0)
+        writer.add_message(channel, 0, b"\0\1\0\0" + data, 0)
         writer.finish()
 
 
