@@ -1,14 +1,17 @@
 """The command line: every mistake is one clear line and exit code 2, and nothing is left half-written."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import psutil
 import pytest
+from mcap.writer import IndexType, Writer
 
 from slip_msgs_py.stop_flag import held_back
 from slip_vic.run.processes import child_environment
@@ -190,3 +193,41 @@ def test_without_a_command_there_is_help_and_no_error() -> None:
     done = slip_vic()
     assert (done.returncode, done.stderr) == (0, "")
     assert "Commands:" in done.stdout
+
+
+LITTLE = "import slip_core.files.resources as r; r.MAX_BYTES = 1 << 26; import slip_vic.cli as c; c.process()"
+PARTS = "a/B[] a\n====\nMSG: a/B\na/C c\n====\nMSG: a/C\nuint8 c\n".replace("====", "=" * 80)
+XACRO = '<robot name="a" xmlns:xacro="http://www.ros.org/wiki/xacro">{}</robot>'
+BOMBS: dict[str, tuple[list[str], Callable[[Path], object]]] = {
+    "rows.csv": (["benchmark", "compare", "."], lambda path: os.truncate(path, 1 << 30)),
+    "path.csv": (["retime", "path.csv"], lambda path: path.write_text("a,b," * (1 << 20))),
+    "a.xacro": (["arm", "a.xacro"], lambda path: path.write_text(XACRO.format("<a/>" * (1 << 20)))),
+    "listed.mcap": (["bag", "info", "listed.mcap"], lambda path: small_bag(path, "", b"", listed=3)),
+    "nested.mcap": (["report", "nested.mcap"], lambda path: small_bag(path, PARTS, b"\0\0\x20\0" + bytes(1 << 21))),
+}
+
+
+@pytest.mark.parametrize("name", BOMBS)
+def test_what_takes_much_memory_is_refused(name: str, tmp_path: Path) -> None:
+    (tmp_path / "rows.json").write_text('{"made_of": {}, "rows": ""}')
+    (tmp_path / name).touch()
+    words, make = BOMBS[name]
+    make(tmp_path / name)
+    assert (tmp_path / name).stat().st_size < 65_000 or "mcap" not in name
+    command = [sys.executable, "-c", LITTLE, *words]
+    done = subprocess.run(command, cwd=tmp_path, env=plain_environment(), capture_output=True, text=True, timeout=90.0)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert re.match(r"error: .*(more than memory may hold: 64 MiB|exceeds limit)", done.stderr.splitlines()[-1])
+
+
+def small_bag(path: Path, schema: str, data: bytes, listed: int = 1) -> None:
+    """Write joint states of another kind, and an attachment that the index lists so many times."""
+    with path.open("wb") as file:
+        writer = Writer(file, chunk_size=1 << 26, index_types=IndexType.ATTACHMENT)
+        writer.start()
+        kind = writer.register_schema("sensor_msgs/msg/JointState", "ros2msg", schema.encode())
+        channel = writer.register_channel("/joint_states", "cdr", kind)
+        writer.add_attachment(0, 0, "a", "", bytes(9999))
+        writer._Writer__attachment_indexes *= listed
+        writer.add_message(channel, 0, b"\0\1\0\0" + data, 0)
+        writer.finish()

@@ -18,7 +18,6 @@ import yaml
 import zstandard
 from mcap.data_stream import RecordBuilder
 from mcap.records import Chunk, Schema
-from mcap.writer import IndexType, Writer
 
 from slip_bags.format import parse_custom_data, parse_qos
 from slip_bags.reader import Bag, chunk_records
@@ -33,11 +32,9 @@ from slip_core.grasp_params import BaseParams, ObjectParams
 from slip_core.params import build, load_yaml, parse_assignment
 from slip_sim_bridge.plant.model import arm_spec
 from slip_vic.experiments.rows import read_json, read_rows
-from slip_vic.experiments.suite import read_result
 from slip_vic.presets import preset_text
 from slip_vic.retime.path import read_points
 from slip_vic.run.commands import native_command
-from slip_vic.run.data import read_data
 from slip_vic.run.domain import PORT, PORTS, domain_id, domains_in_use
 from slip_vic.run.lock import is_locked, locked
 from slip_vic.scenarios.parameter_files import config_files, write_files
@@ -174,43 +171,6 @@ def test_a_pipe_a_device_and_a_text_without_end_are_no_input_file(tmp_path: Path
     if path.suffix not in (".mcap", ".xacro") and name != "rows.csv":
         with pytest.raises(InputError, match=r"bytes|rows of an experiment"):
             READERS[name](path)
-
-
-PARTS = "a/B[] a\n====\nMSG: a/B\na/C c\n====\nMSG: a/C\nuint8 c\n".replace("====", "=" * 80)
-BOMBS: dict[str, tuple[Callable[[Path], object], Callable[[Path], object]]] = {
-    "rows.csv": (lambda path: os.truncate(path, 1 << 30), lambda path: read_result(path.parent)),
-    "path.csv": (lambda path: path.write_text("a,b," * (1 << 20)), lambda path: read_points(path, ())),
-    "a.xacro": (lambda path: path.write_text(XACRO.format("<a/>" * (1 << 20))), lambda path: read_urdf(str(path), "")),
-    "listed.mcap": (lambda path: small_bag(path, "", b"", listed=3), Bag),
-    "nested.mcap": (lambda path: small_bag(path, PARTS, (1 << 21).to_bytes(4, "little") + bytes(1 << 21)), read_data),
-}
-
-
-@pytest.mark.parametrize("name", BOMBS)
-def test_what_takes_much_memory_is_refused(name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr("slip_core.files.resources.MAX_BYTES", ROOM)
-    (tmp_path / "rows.json").write_text('{"made_of": {}, "rows": ""}')
-    (tmp_path / name).touch()
-    make, read = BOMBS[name]
-    make(tmp_path / name)
-    assert (tmp_path / name).stat().st_size < 65_000 or "mcap" not in name
-    before = resource.getrlimit(resource.RLIMIT_DATA)
-    with pytest.raises(InputError, match=r"more than memory may hold: 32 MiB|exceeds limit"):
-        read(tmp_path / name)
-    assert resource.getrlimit(resource.RLIMIT_DATA) == before
-
-
-def small_bag(path: Path, schema: str, data: bytes, listed: int = 1) -> None:
-    """Write joint states of another kind, and an attachment that the index lists so many times."""
-    with path.open("wb") as file:
-        writer = Writer(file, chunk_size=1 << 26, index_types=IndexType.ATTACHMENT)
-        writer.start()
-        kind = writer.register_schema("sensor_msgs/msg/JointState", "ros2msg", schema.encode())
-        channel = writer.register_channel("/joint_states", "cdr", kind)
-        writer.add_attachment(0, 0, "a", "", bytes(9999))
-        writer._Writer__attachment_indexes *= listed
-        writer.add_message(channel, 0, b"\0\1\0\0" + data, 0)
-        writer.finish()
 
 
 def test_json_that_is_nested_deeply_or_has_endless_numbers_is_no_json() -> None:

@@ -23,37 +23,33 @@ MAX_BYTES: Final = 512 << 20
 MAX_TEXT: Final = MAX_BYTES // 16
 """Bytes of a text: what a parser makes of it takes several times as much."""
 
-_bounding = threading.RLock()
-
 
 @contextlib.contextmanager
 def bounded_memory(what: str) -> Iterator[None]:
-    """Let the process take at most `MAX_BYTES` more in the block.
+    """Let the process take at most `MAX_BYTES` more in the block, if it has no other thread that could run into it.
 
     Raises:
         InputError: it needs more; what: names the file.
     """
-    with _bounding:
-        taken = int(Path("/proc/self/statm").read_text().split()[5]) * resource.getpagesize()
-        soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
+    taken = int(Path("/proc/self/statm").read_text().split()[5]) * resource.getpagesize()
+    soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
+    most = min(taken + MAX_BYTES, soft % 2**64) if threading.active_count() == 1 else soft  # soft: -1 without a limit
+    try:
+        resource.setrlimit(resource.RLIMIT_DATA, (most, hard))
+        report, sys.unraisablehook = sys.unraisablehook, callable  # a generator that cannot close is not reported
         try:
-            resource.setrlimit(
-                resource.RLIMIT_DATA, (min(taken + MAX_BYTES, soft % 2**64), hard)
-            )  # -1: without a limit
-            report, sys.unraisablehook = sys.unraisablehook, callable  # a generator that cannot close is not reported
-            try:
-                yield
-            finally:
-                resource.setrlimit(resource.RLIMIT_DATA, (soft, hard))
-                sys.unraisablehook = report
-        except (MemoryError, InputError) as error:
-            cause: BaseException | None = error
-            while not (isinstance(cause, MemoryError | None) or "out of memory" in str(cause)):
-                cause = cause.__context__
-            if cause is None:
-                raise
-            got = f"more than memory may hold: {MAX_BYTES >> 20} MiB, or ulimit"
-            raise InputError(what, got=got, expected="a smaller file") from None
+            yield
+        finally:
+            resource.setrlimit(resource.RLIMIT_DATA, (soft, hard))
+            sys.unraisablehook = report
+    except (MemoryError, InputError) as error:
+        cause: BaseException | None = error
+        while not (isinstance(cause, MemoryError | None) or "out of memory" in str(cause)):
+            cause = cause.__context__
+        if cause is None:
+            raise
+        got = f"more than memory may hold: {MAX_BYTES >> 20} MiB, or ulimit"
+        raise InputError(what, got=got, expected="a smaller file") from None
 
 
 def read_text(uri: str, what: str) -> str:
