@@ -55,6 +55,7 @@ def _expanded(path: Path, what: str, arguments: Mapping[str, str]) -> str:
         raise InputError(what, got=str(path), expected="the package that expands it", fix="pip install xacro") from None
     declared = ""
     try:
+        # It opens what a file includes by itself, and would wait for a FIFO; a missing file stays its own error.
         xacro.open = lambda path: open_file(Path(path), path) if Path(path).exists() else Path(path).stat()
         xacro.init_stacks(str(path))
         document = xacro.parse(None, str(path))

@@ -22,7 +22,8 @@ MODEL: Final = "model"
 HOST: Final = "127.0.0.1"
 OWN: Final = re.compile(r"(localhost|127\.0\.0\.1)(:\d+)?")
 """Host names used by a browser on this machine."""
-MOST: Final = 16  # connections that are served at once, and that wait to be: two browsers take four
+MOST: Final = 16
+"""Connections that are served at once, and that wait to be: two browsers take four."""
 
 
 class Connection(ServerConnection):
