@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from typing import Self
 
+import numpy as np
 from pydantic import model_validator
 
 from slip_core.arrays import inertia_from_six
@@ -19,7 +20,8 @@ Three = tuple[float, float, float]
 QUATERNION_TOLERANCE = 1e-3
 """How far a quaternion's norm may be from 1: typed with four digits it is still accepted, and normalised."""
 LARGEST = 1.0
-"""Of a contact's distance from the centre of mass [m]: farther away a number is a mistake of its unit."""
+"""Of a contact's distance from the centre of mass, and of an object's radius of gyration [m]: beyond it a number is a
+mistake of its unit."""
 
 
 class ArmParams(ParameterModel):
@@ -62,7 +64,9 @@ class ObjectParams(ParameterModel):
 
     @model_validator(mode="after")
     def _physical(self) -> Self:
-        inertia_from_six(self.inertia, "object.inertia")
+        most = np.linalg.eigvalsh(inertia_from_six(self.inertia, "object.inertia"))[2]
+        if most > self.mass * LARGEST**2:
+            raise ValueError(f"inertia {most:g} kg m2 of {self.mass:g} kg, beyond that of a radius of {LARGEST:g} m")
         return self
 
 

@@ -132,9 +132,9 @@ def _enum(names: type[IntEnum]) -> str:
 
 
 def _struct(declared: type[Record]) -> str:
-    name, remarks = f"SlipVic_{declared.__name__}", _remarks(declared)
+    name, remarks = f"SlipVic_{declared.__name__}", dict(_FIELD.findall(inspect.getsource(declared)))
     fields = [
-        _field(field, hint, remarks.get(field, ""))
+        _field(field, hint, remarks.get(field, "").replace("*/", ""))
         for field, hint in get_type_hints(declared, include_extras=True).items()
     ]
     size = dtype_of(declared).itemsize  # type: ignore[arg-type]  # every class is hashable
@@ -151,11 +151,6 @@ def _field(name: str, hint: Any, remark: str) -> str:
 
 
 _FIELD = re.compile(r"^    (\w+): [^#\n]*#\s*(.*)$", re.MULTILINE)
-
-
-def _remarks(declared: type[Record]) -> dict[str, str]:
-    """Return the comments of a record's fields: unit, frame, meaning."""
-    return {name: remark.replace("*/", "") for name, remark in _FIELD.findall(inspect.getsource(declared))}
 
 
 def _comment(of: Any) -> Iterator[str]:

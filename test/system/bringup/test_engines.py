@@ -79,11 +79,6 @@ def workers_that_ran(folder: Path) -> set[int]:
     return {int(file.name.partition(".")[2]) for file in folder.iterdir()}
 
 
-def is_busy(title: str) -> bool:
-    """Return whether a process has this title: Ray writes the task of a worker into it."""
-    return any((one.info["cmdline"] or [""])[0] == title for one in psutil.process_iter(["cmdline"]))
-
-
 def test_every_task_once_and_tasks_share_the_workers(pool: PoolEngine, tasks: ModuleType, tmp_path: Path) -> None:
     results = dict(pool.run(tasks.note_and_square, str(tmp_path), range(20)))
     assert results == {number: number * number for number in range(20)}
@@ -168,8 +163,11 @@ def test_workers_end_with_a_client_that_is_killed(name: str, cluster: str, tmp_p
     workers = workers_that_ran(notes)
     client.kill()
     client.wait()
-    # A worker that stays is seen by the limit of the test.
-    while is_busy("ray::slow_square") if name == "ray" else any(map(psutil.pid_exists, workers)):
+    # A worker that stays is seen by the limit of the test. Ray writes the task of a worker into its title.
+    while any(
+        one.pid in workers if name != "ray" else (one.info["cmdline"] or [""])[0] == "ray::slow_square"
+        for one in psutil.process_iter(["cmdline"])
+    ):
         time.sleep(0.05)
 
 

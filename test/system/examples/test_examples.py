@@ -33,14 +33,10 @@ SAID = {
 }
 
 
-def docstring(name: str) -> str:
-    return ast.get_docstring(ast.parse((FOLDER / name).read_text())) or ""
-
-
 @pytest.mark.parametrize("name", SCRIPTS)
 def test_an_example_is_short_and_begins_with_its_command(name: str) -> None:
     assert SHORTEST <= len((FOLDER / name).read_text().splitlines()) <= LONGEST
-    assert docstring(name).startswith(f"python examples/{name}")
+    assert str(ast.get_docstring(ast.parse((FOLDER / name).read_text()))).startswith(f"python examples/{name}")
 
 
 @pytest.mark.parametrize("name", SAID)

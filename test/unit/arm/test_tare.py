@@ -16,6 +16,7 @@ from slip_vic_controller.arm.tare import (
     add_velocities,
     deviation,
     judge_tare,
+    leave_to_mass,
     measure_at_rest,
     moved_most,
     start_tare,
@@ -85,6 +86,12 @@ def test_excess_bias_names_sensor(sensor: int, axis: int, bias: float, words: st
     assert describe(state.found, ()).startswith(words)
     start_tare(state, NEVER)
     assert not judge_tare(config, state)
+
+
+def test_no_mass_explains_a_wrench_without_gravity() -> None:
+    config, state = bounds(), begun()
+    add(state.wrench, np.array([0.7, 0.0, 0.0, 0.0, 0.0, 0.0]), 6)
+    assert leave_to_mass(config, state, spatial(np.zeros(6))) == 0.0
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -31,16 +31,14 @@ MISTAKES = {
     "urdf is not xml": (["--set", "robot_description_file=broken.urdf"], ["robot_description", "URDF"]),
     "scenario file is not yaml": (["--scenario", "broken.yaml"], ["broken.yaml, line 2", "a tab"]),
     "scenario file with an unknown key": (["--scenario", "extra.yaml"], ["unknown name", "did you mean duration_s"]),
-    "parameter file missing": (
-        ["--params", "nowhere.yaml"],
-        ["file nowhere.yaml: got No such file or directory, expected"],
-    ),
-    "parameter file of another node": (
-        ["--params", "bridge.yaml"],
-        ["bridge.yaml", "/**/slip_sim_bridge", "slip_vic_controller"],
-    ),
+    "parameter file missing": (["--params", "nowhere.yaml"], ["file nowhere.yaml: got No such file or directory"]),
+    "parameter file of another node": (["--params", "bridge.yaml"], ["/**/slip_sim_bridge", "slip_vic_controller"]),
+    "parameter file with an empty name": (["--params", "empty.yaml"], ["empty.yaml", "got parameters of ['', '/**']"]),
     "parameter file with a name twice": (["--params", "twice.yaml"], ["twice.yaml: gains.k_s: got two values"]),
-    "parameter file with two sections": (["--params", "two.yaml"], ["two.yaml", "got parameters of /**, /**/slip_vic"]),
+    "parameter file with two sections": (
+        ["--params", "two.yaml"],
+        ["two.yaml", "got parameters of ['/**', '/**/slip_vic"],
+    ),
     "parameter file with no values": (["--params", "none.yaml"], ["none.yaml", "expected one mapping"]),
     "sensor of a study": (["study", "--sensor", "vision_26"], ["vision_25"]),
     "mismatch of a study": (["study", "--mismatch", "mass"], ["mass+"]),
@@ -64,6 +62,7 @@ def folder(tmp_path: Path) -> Path:
     (tmp_path / "extra.yaml").write_text("name: a\ndescription: b\ndurration_s: 1\n")
     (tmp_path / "twice.yaml").write_text("gains: {k_s: 1.0}\ngains.k_s: 2.0")
     (tmp_path / "two.yaml").write_text("/**: {ros__parameters: {}}\n/**/slip_vic_controller: {ros__parameters: {}}")
+    (tmp_path / "empty.yaml").write_text("'': 1\n/**: {ros__parameters: {}}")
     (tmp_path / "none.yaml").write_text("/**: {ros__parameters: }")
     text = preset_text("scenarios", "pane_two_arms_flat")
     (tmp_path / "joints.yaml").write_text(text.replace("joint_names: [", "joint_names: 5 # ["))

@@ -39,6 +39,8 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     ({"slip_sensor.noise_linear": 0.5}, ["slip_sensor.noise_linear", "0.1"]),
     ({"object.inertia": (1.0, 1.0, 3.0, 0.0, 0.0, 0.0)}, ["object.inertia", "principal moments"]),
     ({"object.inertia": (1.0, 1.0, 1.0)}, ["object.inertia"]),
+    ({"object.inertia": (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)}, ["object", "1 kg m2 of 0.5 kg", "radius of 1 m"]),
+    ({"safety.limits.effort_rate": 1.0}, ["safety.limits.effort_rate", "1 N m/s", "at least"]),
     ({"trajectory.kind": "spiral"}, ["trajectory.kind"]),
     ({"trajectory.kind": "waypoints"}, ["trajectory", "waypoints"]),
     ({"trajectory.kind": "waypoints", "trajectory.waypoints": (0.0,) * 7}, ["waypoints has 7 values"]),

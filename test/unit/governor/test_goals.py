@@ -55,11 +55,6 @@ def give(made_up: MadeUp, way: np.ndarray, ms: int) -> np.ndarray:
     return np.array(pose.position)
 
 
-def share(x: float) -> tuple[float, float]:
-    """Return a quintic from 0 to 1 at rest and its rate."""
-    return x**3 * (10.0 - 15.0 * x + 6.0 * x * x), 30.0 * x * x * (1.0 - x) ** 2
-
-
 def test_ungoverned_goal_is_quintic() -> None:
     made_up, way, ms = at_work("off"), np.array([0.0, 0.004, -0.002]), 40
     began = give(made_up, way, ms)
@@ -67,7 +62,7 @@ def test_ungoverned_goal_is_quintic() -> None:
     for k in range(ms + 5):  # it begins in the first of these cycles
         result = made_up.cycle(slip=np.zeros(6))
         x = min(k / ms, 1.0)
-        value, rate = share(x)
+        value, rate = x**3 * (10.0 - 15.0 * x + 6.0 * x * x), 30.0 * x * x * (1.0 - x) ** 2
         np.testing.assert_allclose(result.record.reference.position, began + value * way, atol=ROUNDING)
         np.testing.assert_allclose(result.record.reference.twist[:3], 1e3 / ms * rate * way, atol=1e-9)
         assert goal.phase == (GoalPhase.MOVES if k < ms else GoalPhase.REACHED)

@@ -12,13 +12,16 @@ from slip_vic_controller.safety.validation import (
     ACCEPT_AFTER,
     JointInput,
     JointLimits,
+    SlipQueue,
     VectorInput,
     VectorLimits,
     frozen,
+    queue_slip,
     rebase_vector,
     vector_validity,
 )
 from slip_vic_controller.session.arrival import receive_joint_state, receive_slip, receive_wrench
+from slip_vic_controller.sizes import ROOM
 from slip_vic_controller.state import ARM_SIZE, ARM_STATE, CONFIG, TASK_SIZE
 from test.support.call import blank, call
 from test.support.made_up import MS, NOW_NS, POSITION, STAMP_NS, N, controller_of
@@ -100,6 +103,13 @@ def test_vector_faults(is_slip: bool) -> None:
             assert (of.bad, of.fault, of.fault_ns, of.counts[fault]) == (bad, fault, at(5)[1], bad)
     invalid = receive_slip(v.config, v.buffer, 0, at(6)[0], QUIET, False, False, at(6)[1])
     assert invalid == Reason.INVALID
+
+
+def test_the_oldest_slip_samples_go() -> None:
+    queue: SlipQueue = blank(SlipQueue)
+    for k in range(ROOM + 2):
+        queue_slip(queue, k, np.full(6, float(k)))
+    assert [(one.stamp_ns, one.twist[5]) for one in queue.samples] == [(k, k) for k in range(2, ROOM + 2)]
 
 
 # -- joint states -------------------------------------------------------------------------------------

@@ -57,11 +57,12 @@ def run_retime(source: Path, choice: Choice, out: Path) -> Iterator[str]:
     for part, wait_s in sections(given, params.governor.torsional_radius):
         path = PadPath(part) if given.of_pad else JointPath(part, fastest.robot)
         away = np.maximum(away, deviation(part, path))
-        found = certified(path, fastest)
+        left = MOST_SAMPLES - len(samples)
+        found = certified(path, fastest, left)
         if as_given is not None:
             early = (len(found) - 1) * params.control_period_s < path.duration
             try:
-                found = certified(path, as_given, MOST_SAMPLES if early else len(found))
+                found = certified(path, as_given, left if early else len(found))
             except InputError:
                 if early:
                     raise

@@ -66,8 +66,8 @@ def retimed(path: GivenPath, config: Array, params: ControllerParams, most_sampl
         if len(samples) > most_samples:
             share = 100.0 * samples[-1].time / path.duration
             raise InputError(
-                "timing", got=f"{share:.0f} % of the path after {len(samples) * period_s:.0f} s",
-                expected=f"its end within {MOST_SAMPLES * period_s:g} s",
+                "timing", got=f"{share:.0f} % of a section after {len(samples) * period_s:.0f} s",
+                expected=f"all sections within {MOST_SAMPLES * period_s:g} s",
                 fix="grip harder and set governor.friction_limit, smooth the path, or split it by a stop",
             )  # fmt: skip
         pad = path.pad(float(state.time))

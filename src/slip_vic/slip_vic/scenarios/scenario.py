@@ -334,7 +334,7 @@ def _own_contacts(own: NodeValues, law: Law) -> None:
 def _apply_parameters(values: dict[str, NodeValues], parameters: Mapping[str, Any], *, keep_sensor: bool) -> None:
     """Put parameters of the controller over those of the scenario; of several arms, those below an arm's name too."""
     given = flat_names(dict(parameters))
-    common = {key: v for key, v in given.items() if key.partition(".")[0] not in ("arms", *values)}
+    common = {key: v for key, v in given.items() if key.partition(".")[0] not in ("arms", *filter(None, values))}
     for name, own in values.items():
         # gains are the file's; the mode and a sensor that was named are those of the command
         known = own["controller"]
@@ -355,8 +355,8 @@ def read_parameters(file: Path) -> dict[str, Any]:
         return flat_names(content)
     wanted = NODES["controller"][0]
     found = [node["ros__parameters"] for name, node in nodes.items() if name.rpartition("/")[2] in (wanted, "**")]
-    if len(found) != 1 or not isinstance(found[0], dict):
-        got, expected = f"parameters of {', '.join(nodes)}", f"one mapping of names to values, parameters of {wanted}"
+    if len(found) != 1 or not isinstance(found[0], dict) or len(nodes) < len(content):
+        got, expected = f"parameters of {[*content]}", f"one mapping of names to values, parameters of {wanted}"
         raise InputError(f"file {file}", got=got, expected=expected)
     return flat_names(found[0])
 

@@ -14,6 +14,7 @@ import numpy as np
 from slip_core.arms import shared
 from slip_core.arrays import Array, matrix_from_quat_xyzw, product
 from slip_core.compiled import interpreted
+from slip_core.errors import InputError
 from slip_core.records import Records, copy_fields, new, place, record, records
 from slip_core.stamps import seconds_to_ns
 from slip_core.types import JointCommand
@@ -245,7 +246,12 @@ def _fill_conditions(config: ControllerConfig, params: ControllerParams) -> None
 
 
 def _fill_limits(config: ControllerConfig, params: ControllerParams, robot: Robot) -> None:
-    n, limits = len(robot.joint_names), config.command
+    n, limits, least = len(robot.joint_names), config.command, float(max(robot.effort_limit * robot.velocity_limit))
+    if params.command.interface == "effort" and params.safety.limits.effort_rate < least:
+        raise InputError(
+            "parameter safety.limits.effort_rate", got=f"{params.safety.limits.effort_rate:g} N m/s",
+            expected=f"at least {least:g} N m/s, as fast as a load at a joint's limits of effort and velocity changes",
+        )  # fmt: skip
     copy_fields(limits, params.safety.limits)
     limits.interface = Interface[params.command.interface.upper()]
     limits.effort[:n], limits.velocity[:n] = robot.effort_limit, robot.velocity_limit

@@ -113,12 +113,6 @@ def carried(per_u: Spatial, rest: Spatial, F: float) -> Interval:
 
 
 @part
-def of_path(rate: float, speed_up: float, dt: float) -> Interval:
-    """The path is not followed backwards, nor faster where sdot is above its bound already: there the guard decides."""
-    return Interval(-rate / dt, max(speed_up, 0.0), True)
-
-
-@part
 def of_reserve(config: GovernorConfig, state: Governor, load: PathLoad) -> Interval:
     """Without feedback the path leaves the reserve; braking may use it."""
     if config.reserve == 0.0:
@@ -170,7 +164,8 @@ def step_on(
     rate, load = state.rate, path_load(state.rate, held, point, pad)
     speed_up = to_bound(bounds.K_ahead, bounds.slope, rate, bounds.most_rate, dt)
     limits = (
-        of_path(rate, speed_up, dt),
+        # not backwards, nor faster where sdot is above its bound already: there the guard decides
+        Interval(-rate / dt, max(speed_up, 0.0), True),
         carried(load.per_u, load.rest, state.usable),
         of_reserve(config, state, load),
         of_catching_up(config, state, load),
