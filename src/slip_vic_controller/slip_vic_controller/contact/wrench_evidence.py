@@ -1,24 +1,23 @@
 """Evidence of slip from the wrench, without a slip sensor: an object slips if its load is less than its motion needs.
 
 Without slip the object moves with the pad, and the contact carries l(a), the load of that motion. A contact that slips
-carries only its friction, which does not grow with the motion. So a load that stays below what the motion needs
-indicates slip, or a wrong mass. With means over MEAN_S of the measured load l and of the load that the pad's
-acceleration needs, u along mean l:
+carries only its friction, whatever the motion. So a load that stays below what the motion needs indicates slip, or a
+wrong mass. With means over MEAN_S of the measured load l and of the load that the pad's acceleration needs:
 
     D = u . mean l(a_pad) + min(u . b, 0),   lack = (D - |mean l|) / max(D, LEAST_FRICTION F)
     S <- max(0, S + dt (lack - SCATTERS)),   a slip where S > LACKS_S      (cumulative sum: E. S. Page, 1954)
 
-b is the difference of the means, measured minus needed, from the last time when the measured load was the larger one:
-friction carries no more than the motion needs, so that was a bias of the wrench. It explains part of a lack.
+u is along mean l. What friction carries is |mean l| while S grows, in the mean. b is the difference of the means,
+measured minus needed, from the last time when the measured load was the larger one: friction carries no more than the
+motion needs, so that was a bias of the wrench. It explains part of a lack.
 
-The command is not used: a blocked arm does not follow its commanded acceleration, and drives that overshoot make an
-object slide that their commands would carry. The needed load is projected on the measured one: noise of joint
-velocities enlarges the norm of a vector, but has zero mean in a component. While the observer finds slip, the whole
-lack counts: the observer has learnt the errors that SCATTERS allows for.
+The command is not used: a blocked arm does not follow it, and drives that overshoot make an object slide that their
+commands would carry. Along mean l the noise of joint velocities in the needed load has zero mean, its norm has not.
+While the observer finds slip, the whole lack counts: the observer has learnt the errors that SCATTERS allows for.
 
 Assumptions: one arm; mass and wrench accurate to SCATTERS beyond b (a tare ensures both if the weight is not in the
-slip plane). A wrong mass lowers friction only once, by its relative error, until a sufficient load has been carried in
-full. Loads below LEAST_FRICTION F are not judged: there a bias of the wrench may be all of the lack.
+slip plane). A wrong mass lowers friction only once, by its relative error, until a load that counts has been carried in
+full. Needed loads below LEAST_FRICTION F are not judged: there a bias of the wrench may be all of the lack.
 """
 
 from __future__ import annotations
@@ -53,6 +52,7 @@ class WrenchEvidence(Record):
     added: Vec6  # N, mean on pad axes; what drives add to the load of the commands
     surplus: Vec6  # N, b
     sum_s: Real  # S
+    kept: Real  # N, mean of the load that was carried while S grew
     spent: Whole  # whether a slip was found, and no load that counts has been carried in full since
     unseen_ns: Whole  # since when the slip sensor has shown nothing of it, NEVER = it has
 
@@ -60,7 +60,7 @@ class WrenchEvidence(Record):
 @part
 def start_evidence(state: WrenchEvidence) -> None:
     """Start without load and slip."""
-    state.begun, state.sum_s, state.spent, state.unseen_ns = 0, 0.0, 0, NEVER
+    state.begun, state.sum_s, state.kept, state.spent, state.unseen_ns = 0, 0.0, 0.0, 0, NEVER
     state.twist[:], state.needed[:], state.measured[:] = 0.0, 0.0, 0.0
     state.added[:], state.surplus[:] = 0.0, 0.0
 
@@ -78,9 +78,8 @@ def pull(state: WrenchEvidence) -> Spatial:
 def take_in(mean: Vec6, value: Spatial, dt: float) -> Spatial:
     """Take a value into a mean [N] {ee}, and return that; dt: since the cycle before [s]."""
     share = min(1.0 - math.exp(-dt / MEAN_S), SCATTERS)  # one sample, e.g. an encoder's step, is no lack
-    new = spatial(mean) + share * (value - spatial(mean))
-    put_spatial(mean, new)
-    return new
+    put_spatial(mean, spatial(mean) + share * (value - spatial(mean)))
+    return spatial(mean)
 
 
 @part
@@ -104,8 +103,7 @@ def lacks_load(
     if contact.slipping != 0:
         state.sum_s, state.unseen_ns = 0.0, NEVER
         return False
-    carried = math.sqrt(load.dot(load))
-    D = 0.0
+    carried, D = math.sqrt(load.dot(load)), 0.0
     if carried > 0.0:
         D = need.dot(load) / carried
         if carried >= D:
@@ -114,11 +112,13 @@ def lacks_load(
     counts = max(D, LEAST_FRICTION * F)
     lack = (D - carried) / counts - (0.0 if found else SCATTERS)
     state.sum_s = min(max(state.sum_s + dt * lack, 0.0), 2.0 * LACKS_S)
+    if lack > 0.0:
+        state.kept += dt * lack / max(state.sum_s, dt * lack) * (carried - state.kept)
     if state.sum_s == 0.0 and counts == D:
         state.spent = 0
-    if state.sum_s <= LACKS_S or state.spent != 0 or carried < LEAST_FRICTION * F:
+    if state.sum_s <= LACKS_S or state.spent != 0 or counts > D:
         return False
-    state.spent, contact.needs, contact.lacks = 1, D, carried
+    state.spent, contact.needs, contact.lacks = 1, D, state.kept
     if state.unseen_ns == NEVER:
         state.unseen_ns = stamp_ns
     return True

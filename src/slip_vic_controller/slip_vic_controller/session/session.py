@@ -132,7 +132,6 @@ class ArmSession:
         self._answers = [self.row[first : first + self._joints] for first in _ANSWERS]
         self._slip_delay_ns = int(record(self.config, CONFIG).slip_delay_ns)
         self._has_wrench = self.controller.params.wrench.source == "sensor"
-        self._estimates = bool(record(self.config, CONFIG).estimator.on)
         self._tared = 0
         self._whole = self.row.view(np.int64)
         self._displacements = [SlipFromDisplacement() for _ in range(self.contacts)]
@@ -143,7 +142,7 @@ class ArmSession:
     @property
     def estimated_joints(self) -> tuple[str, ...]:
         """Names of the joints whose state is estimated; none where the samples are used as they are."""
-        return self.controller.robot.joint_names if self._estimates else ()
+        return self.controller.robot.joint_names if self.controller.params.estimates_joints else ()
 
     @property
     def mode(self) -> Mode:
