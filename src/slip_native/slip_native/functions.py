@@ -84,17 +84,16 @@ def slip_vic_ramp_to(arm: Out, target: In, least_ns: int) -> None:
     ramp_to(carray(arm, ARM_SIZE), carray(target, _GAINS), least_ns)
 
 
-def slip_vic_retune(config: Out, classical: int, spin_excursion: float, hold_stiffness: float, period_s: float) -> None:
+def slip_vic_retune(config: Out, classical: int, spin_excursion: float, hold_stiffness: float) -> None:
     """Turn the gains that a user sets, in `config->gains`, into those of the law, and let HOLD use their object.
 
-    classical: whether the controller is; spin_excursion: infinite where gains.spin is not bounded [rad]; period_s: of
-    control.
+    classical: whether the controller is; spin_excursion: infinite where gains.spin is not bounded [rad].
     """
     c = record(carray(config, CONFIG_SIZE), CONFIG)
     adapt(c.gains.gains, classical != 0, spin_excursion, c.law.contact[0].slip_axes, c.k_s_limit)
     slow_down(c.gains.gains, c.fastest_rate)
     of = c.gains.object
-    fill_hold(c.hold, of.mass, of.inertia, of.gravity, hold_stiffness, period_s)
+    fill_hold(c.hold, of.mass, of.inertia, of.gravity, hold_stiffness, c.impedance_delay_s)
 
 
 def slip_vic_too_heavy(config: In, arm: In, inputs: In, why: Out) -> None:

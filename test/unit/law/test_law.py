@@ -195,7 +195,7 @@ def test_samples_for_the_observer_must_be_finite(contact: int, name: str) -> Non
 def test_more_contacts_than_places_are_refused() -> None:
     many = {"position": (0.0,) * 15, "orientation_xyzw": (0.0, 0.0, 0.0, 1.0) * 5, "slip_axes": (True,) * 30}
     with pytest.raises(InputError, match="at most 4"):
-        make_law_config(build(ControllerParams, {"contacts": many}, "test"), np.full(6, 30.0))
+        make_law_config(build(ControllerParams, {"contacts": many}, "test"), np.full(6, 30.0), np.ones(6))
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -255,7 +255,7 @@ Tuning tune(const Parameters &now, const Parameters &wanted, const SlipVic_Contr
   for (int64_t k = 0; k < c.law.contacts; ++k) std::copy_n(&positions[3 * k], 3, c.law.contact[k].position);
   read_gains(wanted, &c.gains);
   slip_vic_retune(&c, classical, bounded ? wanted.number("gains.spin_excursion") : std::numeric_limits<double>::infinity(),
-                  wanted.number("safety.hold_stiffness"), wanted.number("control_period_s"));
+                  wanted.number("safety.hold_stiffness"));
   judge(c.gains.gains, wanted.numbers("gains.damping"), classical, c.impedance_delay_s);
   double squares = 0.0;
   for (int j = 0; j < 3; ++j) squares += (positions[j] - before[j]) * (positions[j] - before[j]);

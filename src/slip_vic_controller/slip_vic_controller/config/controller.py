@@ -148,7 +148,7 @@ class Controller:
 def _make_config(params: ControllerParams, robot: Robot, *, lockstep: bool, arms: int) -> Array:
     buffer = new(CONFIG)
     config = record(buffer, CONFIG)
-    config.law = record(make_law_config(params, robot.effort_limit), LAW_CONFIG)
+    config.law = record(make_law_config(params, robot.effort_limit, robot.inertia), LAW_CONFIG)
     config.path = record(make_path(params.trajectory), PATH)
     if params.trajectory.of == "object":
         o_R_p = matrix_from_quat_xyzw(params.contacts.orientation_xyzw[:4])
@@ -263,8 +263,8 @@ def _fill_limits(config: ControllerConfig, params: ControllerParams, robot: Robo
 
 
 def _use_hold(config: ControllerConfig, params: ControllerParams) -> None:
-    of, stiffness, period = config.gains.object, params.safety.hold_stiffness, params.control_period_s
-    interpreted(fill_hold)(config.hold, of.mass, of.inertia, of.gravity, stiffness, period)
+    of, stiffness = config.gains.object, params.safety.hold_stiffness
+    interpreted(fill_hold)(config.hold, of.mass, of.inertia, of.gravity, stiffness, config.impedance_delay_s)
 
 
 def _fill_governor(governor: GovernorConfig, params: ControllerParams) -> None:

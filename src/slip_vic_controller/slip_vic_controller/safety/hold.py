@@ -29,7 +29,7 @@ class HoldConfig(Record):
     joints: Whole  # in use
     carriers: Whole  # pads that carry the object, those of other arms too
     rate: Real  # 1/s; natural frequency
-    fastest: Real  # 1/s; largest that the control period admits for the inertia that HOLD assumes
+    fastest: Real  # 1/s; largest that the delay admits for the inertia that HOLD assumes
     mass: Real  # kg
     inertia: Mat3  # kg m2 {o}
     weight: Vec3  # N {w}
@@ -43,16 +43,16 @@ class Hold(Record):
 
 
 @part
-def fill_hold(config: HoldConfig, mass: float, inertia: Array, gravity: Array, stiffness: float, period: float) -> None:
-    """Let HOLD use an object and a stiffness, and the rate that the control period admits.
+def fill_hold(config: HoldConfig, mass: float, inertia: Array, gravity: Array, stiffness: float, delay: float) -> None:
+    """Let HOLD use an object and a stiffness, and the rate that the delay admits.
 
     Args:
         config: changed; `carriers` share the object.
         mass, inertia, gravity: of the object [kg]; (3, 3) [kg m2]; (3,) [m/s^2] {w}.
         stiffness: as configured, over the joint inertia [1/s^2].
-        period: of control [s].
+        delay: from a joint state to the effort, as far as it is not foreseen [s].
     """
-    share, config.rate, config.fastest = 1.0 / config.carriers, math.sqrt(stiffness), 0.5 * DELAY / period
+    share, config.rate, config.fastest = 1.0 / config.carriers, math.sqrt(stiffness), 0.5 * DELAY / delay
     config.mass = share * mass
     for i in range(3):
         config.weight[i] = config.mass * gravity[i]
