@@ -184,7 +184,7 @@ def estimate_contact(c: ArmCycle, unknown: bool, dt: float) -> None:
         if alone and limits.friction.quantum != math.inf:
             add_reading(pad.sensor, sample.stamp_ns, slip, -spatial(evidence.measured), contact.slipping != 0)
             judge_health(pad.sensor, DIFFERS, SIGNIFICANT, config.tare.slip_linear, limits.friction.quantum)
-    if alone and dt > 0.0:
+    if alone and dt > 0.0 and state.wrench_modelled == 0:
         weigh_evidence(c, measured, found, dt)
     put_certain(limits.friction, contact)
     suspect(limits.friction, contact, friction, found)

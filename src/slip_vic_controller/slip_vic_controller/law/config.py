@@ -47,7 +47,7 @@ def make_law_config(params: ControllerParams, effort_limit: Array, inertia: Arra
     config.attitude = Coordinates[params.attitude.upper()].value
     config.nullspace_stiffness, config.nullspace_damping = params.nullspace.stiffness, params.nullspace.damping
     rate = FOLLOWED_BY_EFFORT / (params.drive_lag_s + params.control_period_s)
-    most = rate * min(inertia)  # N m s/rad
+    most = 0.5 * rate * sum(sorted(inertia)[:2])  # N m s/rad; one joint alone would move the pad
     swings = params.nullspace.damping > most or params.nullspace.stiffness > 0.25 * rate * most
     if params.command.interface != "effort" or swings:
         config.nullspace_rate = min(params.fastest_rate, NULLSPACE_RATE)
