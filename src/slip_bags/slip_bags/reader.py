@@ -70,7 +70,7 @@ def chunk_records(chunk: Chunk) -> Iterator[McapRecord]:
     if len(content) != size:
         raise ValueError(f"chunk declares {size} bytes and holds {'more' if len(content) > size else len(content)}")
     whole = dataclasses.replace(chunk, compression="", data=content)
-    yield from bounded_memory("a chunk of the bag")(breakup_chunk)(whole, validate_crc=True)
+    yield from bounded_memory("a chunk of the bag", "a whole one")(breakup_chunk)(whole, validate_crc=True)
 
 
 def records_of(file: IO[bytes], report: Callable[[str, Exception], None]) -> Iterator[McapRecord]:
@@ -145,6 +145,8 @@ class Bag:
         for key, channel in summary.channels.items():
             schema = self._schemas[channel.topic] = summary.schemas.get(channel.schema_id)
             known = topics.get(channel.topic) or topic_info(channel, schema.name if schema is not None else "")
+            if schema is not None and schema.name != known.type_name:
+                raise ValueError(f"{schema.name} and {known.type_name} on {channel.topic}")
             topics[channel.topic] = dataclasses.replace(known, message_count=known.message_count + counts.get(key, 0))
         self.topics: Mapping[str, TopicInfo] = MappingProxyType(dict(sorted(topics.items())))
         self.message_count = sum(counts.values())

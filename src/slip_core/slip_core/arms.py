@@ -39,10 +39,10 @@ def model_of_arms(model: type[ParameterModel], names: tuple[str, ...]) -> type[P
     """Return the model of several arms' parameters: `arms`, and `model` below each name.
 
     Raises:
-        InputError: a name that is no prefix of topics, is there twice, or is `arms`.
+        InputError: a name that is no prefix of topics, is there twice, or means something else in a scenario.
     """
     for name in names:
-        if not _NAME.fullmatch(name) or name in ParamsOfArms.model_fields or names.count(name) > 1:
+        if not _NAME.fullmatch(name) or name in ("arms", "bridge", "controller") or names.count(name) > 1:
             raise InputError("parameter arms", got=list(names), expected="different names of a-z, 0-9 and _")
     fields: dict[str, Any] = {name: (model, model()) for name in names}
     return create_model("ParamsOfArms", __base__=ParamsOfArms, arms=(tuple[str, ...], names), **fields)

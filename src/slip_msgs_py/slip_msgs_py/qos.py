@@ -14,6 +14,7 @@ from rclpy.qos import DurabilityPolicy, QoSCompatibility, QoSProfile, Reliabilit
 from rclpy.subscription import Subscription
 
 from slip_core.errors import InputError
+from slip_core.files.resources import find_file
 from slip_core.topics import topic
 from slip_msgs_py.node_shell import NodePart
 
@@ -31,6 +32,8 @@ def message_class(type_name: str) -> Any:
     if match is None:
         raise InputError("message type", got=type_name, expected="package/msg/Name, e.g. sensor_msgs/msg/JointState")
     try:
+        if not find_file(f"package://{match[1]}/msg/{match[2]}.msg").is_file():  # a bag may name any package
+            raise ImportError("no such definition")
         return getattr(importlib.import_module(f"{match[1]}.msg"), match[2])
     except (ImportError, AttributeError) as error:
         raise InputError(f"message type {type_name}", got=error, expected="an installed message package") from None

@@ -194,7 +194,9 @@ def report(bags: tuple[Path, ...], out: Path) -> None:
     if len(set(labels)) != len(labels):
         labels = [str(path) for path in bags]
     runs = {label: read_data(path) for label, path in zip(labels, bags, strict=True)}
-    bounded_memory(f"page {out}")(write_page)(out, runs, command=shlex.join(["slip-vic", *sys.argv[1:]]))
+    bounded_memory(f"page of {', '.join(labels)}")(write_page)(
+        out, runs, command=shlex.join(["slip-vic", *sys.argv[1:]])
+    )
     echo(f"{out}: {out.stat().st_size / 1e6:.2f} MB")
 
 
@@ -244,12 +246,13 @@ def verify(bag_path: Path) -> None:
     from slip_vic.run.data import software_of
 
     opened = Bag(bag_path)
-    runs = bounded_memory(f"bag {bag_path}")(read_run)(opened)
+    with bounded_memory(f"bag {bag_path}"):
+        runs, software = read_run(opened), software_of(opened)
     with Console(stderr=True).status("replaying"):
         verdict = verify_run(runs)
     echo(verdict.text())
     if not verdict.identical:
-        for note in other_software(software_of(opened)):
+        for note in other_software(software):
             echo(f"note: {note}")
         raise click.exceptions.Exit(1)
 

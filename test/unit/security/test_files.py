@@ -285,7 +285,7 @@ def test_a_chunk_is_what_was_compressed() -> None:
             record.write(again)
         assert again.end() == data
         good.uncompressed_crc += 1
-        with pytest.raises(ValueError, match="crc"):
+        with pytest.raises(InputError, match="crc"):
             list(chunk_records(good))
         with pytest.raises(ValueError, match="holds"):
             list(chunk_records(chunk(compression, packed, len(data) + 1)))

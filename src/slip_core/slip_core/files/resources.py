@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, Final
 
-from slip_core.errors import InputError
+from slip_core.errors import InputError, SlipVicError
 
 PACKAGES: Final = "SLIP_VIC_PACKAGES"
 """Environment variable with folders of packages, ``NAME=DIR`` separated like paths: option --package sets it, and the
@@ -25,11 +25,15 @@ MAX_TEXT: Final = MAX_BYTES // 16
 
 
 @contextlib.contextmanager
-def bounded_memory(what: str) -> Iterator[None]:
+def bounded_memory(what: str, expected: str = "a file as this suite writes it") -> Iterator[None]:
     """Let the process take at most `MAX_BYTES` more in the block, if it has no other thread that could run into it.
 
+    Args:
+        what: names the file that is read in the block.
+        expected: what it should be.
+
     Raises:
-        InputError: it needs more; what: names the file.
+        InputError: it needs more, or anything goes wrong in the block but what the system refuses.
     """
     taken = int(Path("/proc/self/statm").read_text().split()[5]) * resource.getpagesize()
     soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
@@ -42,12 +46,16 @@ def bounded_memory(what: str) -> Iterator[None]:
         finally:
             resource.setrlimit(resource.RLIMIT_DATA, (soft, hard))
             sys.unraisablehook = report
-    except (MemoryError, InputError) as error:
+    except OSError:
+        raise
+    except Exception as error:  # a file may hold anything
         cause: BaseException | None = error
         while not (isinstance(cause, MemoryError | None) or "out of memory" in str(cause)):
             cause = cause.__context__
-        if cause is None:
+        if cause is None and isinstance(error, SlipVicError):
             raise
+        if cause is None:
+            raise InputError(what, got=str(error) or type(error).__name__, expected=expected) from error
         got = f"more than memory may hold: {MAX_BYTES >> 20} MiB, or ulimit"
         raise InputError(what, got=got, expected="a smaller file") from None
 

@@ -64,17 +64,16 @@ def read_points(path: Path, joint_names: tuple[str, ...]) -> Points:
     Raises:
         InputError: not such a file, or numbers that make no path.
     """
-    with bounded_memory(f"path {path}"):
-        try:
-            table = pd.read_csv(io.StringIO(read_text(str(path), f"path {path}")), skipinitialspace=True)
-            if table.select_dtypes("bool").size:
-                raise ValueError("True and False")
-            others = [name for name in table.columns if name != "time"]
-            names = next((known for known in (POSE_COLUMNS, joint_names) if set(known) == set(others)), tuple(others))
-            values = table[list(names)].to_numpy(dtype=np.float64)
-            times = table["time"].to_numpy(dtype=np.float64) if "time" in table.columns else np.empty(0)
-        except ValueError as error:
-            raise InputError(f"path {path}", got=str(error), expected="a CSV file with a header and numbers") from None
+    with bounded_memory(f"path {path}", "a CSV file with a header and numbers"):
+        table = pd.read_csv(io.StringIO(read_text(str(path), f"path {path}")), skipinitialspace=True)
+        if not isinstance(table.index, pd.RangeIndex):
+            raise ValueError("rows with more values than the header has names")
+        if (words := table.select_dtypes(exclude="number")).size:
+            raise ValueError(f"words, or numbers beyond any size, in column {words.columns[0]}")
+        others = [name for name in table.columns if name != "time"]
+        names = next((known for known in (POSE_COLUMNS, joint_names) if set(known) == set(others)), tuple(others))
+        values = table[list(names)].to_numpy(dtype=np.float64)
+        times = table["time"].to_numpy(dtype=np.float64) if "time" in table.columns else np.empty(0)
     if len(values) < LEAST_POINTS:
         raise InputError(f"path {path}", got=f"{len(values)} points", expected=f"at least {LEAST_POINTS}")
     largest = range_of("m, rad")[1]

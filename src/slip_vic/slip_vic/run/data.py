@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import yaml
 
 from slip_bags.reader import Bag
 from slip_bags.series import Series
@@ -241,35 +240,20 @@ def attached(bag: Bag, name: str) -> str:
 
 
 def software_of(bag: Bag) -> dict[str, str]:
-    """Return the commit and the versions that a bag was recorded with, by name.
-
-    Raises:
-        InputError: its versions are not names and texts.
-    """
+    """Return the commit and the versions that a bag was recorded with, by name."""
     commit = {name: text for name, text in bag.custom_data.items() if name == "git_revision"}
-    try:
-        versions = sorted(read_yaml(bag.custom_data.get("versions", "{}")).items())
-        return commit | {name: str(value) for name, value in versions}
-    except (yaml.YAMLError, AttributeError, TypeError, ValueError) as error:
-        raise InputError(f"versions of {bag.path}", got=str(error), expected="names and versions") from None
+    versions = sorted(read_yaml(bag.custom_data.get("versions", "{}")).items())
+    return commit | {name: str(value) for name, value in versions}
 
 
-def parameters_of(name: str, path: Path, text: str) -> dict[str, Any]:
-    """Return the parameters in a ROS parameter file of a bag, by dotted name; name: of the attachment.
-
-    Raises:
-        InputError: it is none.
-    """
-    try:
-        return {k: v for node in read_yaml(text).values() for k, v in flat_names(node["ros__parameters"]).items()}
-    except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError) as error:
-        got = f"{type(error).__name__} {error}"
-        raise InputError(f"{name} of {path}", got=got, expected="a ROS parameter file") from None
+def parameters_of(text: str) -> dict[str, Any]:
+    """Return the parameters in a ROS parameter file, by dotted name."""
+    return {k: v for node in read_yaml(text).values() for k, v in flat_names(node["ros__parameters"]).items()}
 
 
 def _parameters(bag: Bag, name: str, arm: str) -> dict[str, Any]:
     if name not in bag.attachments:
         return {}
-    values = parameters_of(name, bag.path, attached(bag, name))
+    values = parameters_of(attached(bag, name))
     own = {k.removeprefix(f"{arm}."): v for k, v in values.items() if arm and k.startswith(f"{arm}.")}
     return own or values

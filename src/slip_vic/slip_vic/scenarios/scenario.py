@@ -11,7 +11,7 @@ import numpy as np
 import yaml
 from pydantic import AfterValidator, Field
 
-from slip_core.arms import ONE_ARM, params_of_arms
+from slip_core.arms import ONE_ARM, ParamsOfArms, model_of_arms, params_of_arms
 from slip_core.errors import InputError, UnknownName, printable
 from slip_core.files.urdf import on_base
 from slip_core.files.urdf_file import arm_urdf
@@ -262,6 +262,7 @@ def load(
     """
     text, origin = preset_text("scenarios", str(scenario)), f"scenario {scenario}"
     outer = validate(ScenarioFile, parse_mapping(text, origin), origin)
+    model_of_arms(ParamsOfArms, tuple(outer.arms))  # refuses names that are none
     values = {name: _values(outer, name) for name in outer.arms or (ONE_ARM,)}
     for own in values.values():
         own["bridge"]["duration_s"] = outer.duration_s

@@ -50,9 +50,8 @@ def read_motion(path: Path) -> ArmData:
     if "joint_effort" not in arm.channels:
         raise InputError(f"bag {path}", got="joint states without efforts", expected="one effort per joint")
     states = arm.channel("joints")
-    if len(states.times) < LEAST_SAMPLES:
-        got = f"{len(states.times)} joint states"
-        raise InputError(f"bag {path}", got=got, expected=f"at least {LEAST_SAMPLES} of them")
+    if (count := len(np.unique(states.times))) < LEAST_SAMPLES:
+        raise InputError(f"bag {path}", got=f"{count} joint states", expected=f"at least {LEAST_SAMPLES} of them")
     if not (np.isfinite(states.rows).all() and np.isfinite(velocity_of(arm)).all()):
         raise InputError(f"bag {path}", got="joint states that are not finite", expected="numbers")
     return arm
