@@ -141,12 +141,18 @@ class Refusals:
         return self._last.get(name, "")
 
 
+LARGEST: Final = 1 << 16
+"""Bytes of a message that is taken: one of a megabyte takes half a second to read, in which nothing else happens."""
+
+
 def typed(data: bytes, kind: type) -> Any:
     """Return the message of a class in these bytes.
 
     Raises:
-        InputError: they are none.
+        InputError: they are none, or too many.
     """
+    if len(data) > LARGEST:
+        raise InputError("message", got=f"{len(data)} bytes", expected=f"at most {LARGEST}")
     try:
         return deserialize_message(data, kind)
     except RuntimeError:

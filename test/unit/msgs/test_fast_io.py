@@ -147,6 +147,11 @@ def test_joints_are_sorted_whatever_order_frame_and_fields_the_messages_have(
         assert sample.effort.tolist() == (2 * expected if with_effort else 0 * expected).tolist()
 
 
+def test_a_long_message_is_not_read() -> None:
+    with pytest.raises(InputError, match="message: got 65537 bytes, expected at most 65536"):
+        typed(bytes((1 << 16) + 1), JointState)
+
+
 def test_each_new_fault_is_reported_once_and_every_message_counted() -> None:
     lines: list[str] = []
     refusals = Refusals(lines.append)

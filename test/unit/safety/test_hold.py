@@ -27,7 +27,7 @@ from slip_vic_controller.safety.hold import (
     plausible_arm,
 )
 from slip_vic_controller.state import CONFIG
-from test.referees.law_referee import S, exponential, two
+from test.referees.law_referee import S, exponential
 from test.support.call import blank, call
 from test.support.made_up import POSITION, N, law_at_work
 
@@ -41,11 +41,6 @@ def held_inertia(M: np.ndarray, J: np.ndarray, r: np.ndarray, mass: float, inert
     return M + 0.5 * (mass * J_v.T @ J_v + J[3:].T @ inertia @ J[3:])
 
 
-def object_load(R: np.ndarray, r: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Return the wrench on the pad of a resting object {ee}."""
-    return two(R.T) @ np.concatenate((weight, -np.cross(r, weight)))
-
-
 def hold_torque(
     arm: Any, pad: np.ndarray, q: np.ndarray, qd: np.ndarray, posture: np.ndarray, r_pad: np.ndarray,
     rates: tuple[float, float], mass: float, inertia: np.ndarray, weight: np.ndarray, *, carries: bool,
@@ -56,7 +51,7 @@ def hold_torque(
     H = held_inertia(arm.M, arm.J, r, mass, R_o @ inertia @ R_o.T)
     rate = min(rate, fastest / (np.diag(H) / np.diag(arm.M)).max())
     torque = arm.gravity + H @ (rate**2 * (posture - q) - 2.0 * rate * qd)
-    return torque - carries * (arm.J.T @ two(R) @ object_load(R, r, weight))
+    return torque - carries * arm.J.T @ np.concatenate((weight, -np.cross(r, weight)))
 
 
 class Random:

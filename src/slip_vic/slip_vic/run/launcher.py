@@ -170,6 +170,8 @@ class Launcher:
                 when = f"after {ended['sim_time_s']:.3f} s" if ended else "before the start"
                 raise InputError("interrupted", got=f"a signal {when}", expected="the run's full duration")
             group.check()
+            if left := [child.name for child in group.children if child is not bridge and child.poll() == 0]:
+                raise ProtocolError(f"{left[0]} was shut down before the end of the run")
 
     def _result(self, children: dict[str, Child]) -> RunResult:
         done, controller = children["bridge"].results, children["controller"].results

@@ -7,9 +7,9 @@ from typing import Any
 from std_srvs.srv import Trigger
 
 from slip_core.errors import InputError
-from slip_msgs_py.fast_io import Refusals
+from slip_msgs_py.fast_io import Refusals, create_receiver
 from slip_msgs_py.messages import from_msgs, to_msgs
-from slip_msgs_py.qos import create_publisher, create_subscription
+from slip_msgs_py.qos import create_publisher
 from slip_vic_controller.config.controller import governed_stream
 from slip_vic_controller.node.arm_topics import GO_ON, STATE_DEPTH
 from slip_vic_controller.params.controller_params import ControllerParams
@@ -69,17 +69,15 @@ class TaskTopics:
     """
 
     def __init__(self, node: Any, params: ControllerParams, session: ControllerSession, refusals: Refusals) -> None:
-        self._params, self._session, self._refusals = params, session, refusals
+        self._params, self._session = params, session
         self._goals = GoalWatch(session)
         self._used = create_publisher(node, "controller/reference_used") if session.controller.first.external else None
-        taken: dict[str, Any] = {}
-        if params.trajectory.kind == "topic":
-            taken["reference"] = self._on_reference
-        elif session.controller.first.external:
-            taken["goal"] = self._on_goal
-        for name, callback in taken.items():
-            create_subscription(node, name, callback, depth=STATE_DEPTH[True], reliable=False)
-        self._answers = create_publisher(node, "controller/goal") if "goal" in taken else None
+        by_topic = params.trajectory.kind == "topic"
+        if self._used is not None:
+            name, read = ("reference", self._read_reference) if by_topic else ("goal", self._read_goal)
+            again = self._used.publish
+            create_receiver(node, name, read, again, refusals, depth=STATE_DEPTH[True], reliable=False)
+        self._answers = None if by_topic or self._used is None else create_publisher(node, "controller/goal")
         for request in (Request.ENABLE, Request.HOLD, Request.RESET_FAULT, Request.TARE):
             name = f"~/{request.name.lower()}"
             node.create_service(Trigger, name, lambda _, response, r=request: self._on_request(r, response))
@@ -118,27 +116,19 @@ class TaskTopics:
             response.success, response.message = True, f"{request.name.lower()}: decided in the next cycle"
         return response
 
-    # -- references --------------------------------------------------------------------------------
+    # -- references and goals ----------------------------------------------------------------------
 
-    def _on_reference(self, message: Any) -> None:
-        assert self._used is not None
+    def _read_reference(self, message: Any) -> Any:
+        """Use a reference, and return it: it is published again."""
+        read = from_msgs.streamed_reference if governed_stream(self._params) else from_msgs.cartesian_reference
+        self._session.set_reference(read(message))
+        return message
+
+    def _read_goal(self, message: Any) -> Any:
+        """Use a goal, and return it: it is published again."""
         try:
-            read = from_msgs.streamed_reference if governed_stream(self._params) else from_msgs.cartesian_reference
-            self._session.set_reference(read(message))
+            self._session.set_goal(from_msgs.pose_goal(message, self._params.trajectory.duration_s))
         except InputError as error:
-            self._refusals.add("reference", error)
-            return
-        self._used.publish(message)
-
-    # -- goals -------------------------------------------------------------------------------------
-
-    def _on_goal(self, message: Any) -> None:
-        assert self._used is not None
-        try:
-            goal = from_msgs.pose_goal(message, self._params.trajectory.duration_s)
-        except InputError as error:
-            self._refusals.add("goal", error)
             self._say(f"goal refused: {error}")
-            return
-        self._used.publish(message)
-        self._session.set_goal(goal)
+            raise
+        return message
