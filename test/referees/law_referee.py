@@ -25,6 +25,10 @@ def exponential(phi: np.ndarray) -> np.ndarray:
     return expm(S(phi))
 
 
+def logarithm(R: np.ndarray) -> np.ndarray:
+    return Rotation.from_matrix(R).as_rotvec()
+
+
 def on_branch(e: np.ndarray, previous: np.ndarray) -> np.ndarray:
     """Return the rotation vector of the same rotation on the branch of the last one, up to three quarters of a turn."""
     other = e - 2.0 * np.pi * e / np.linalg.norm(e) if e.any() else e
@@ -121,7 +125,7 @@ def referee_law(given: RefereeInput) -> dict[str, np.ndarray]:
     w_ee, w_d = v_ee[3:], ref.twist[3:]
     if given.attitude == "log":
         R_e = R @ np.linalg.inv(ref.rotation)
-        e_o = on_branch(Rotation.from_matrix(R_e).as_rotvec(), given.previous)
+        e_o = on_branch(logarithm(R_e), given.previous)
         w_e = w_ee - R_e @ w_d
         J, _ = jacobian_series(e_o, np.zeros(3))
         e_o_dot = np.linalg.inv(J) @ w_e

@@ -37,7 +37,7 @@ MEAN_S: Final = 0.05
 if friction carries 0.15 N. A slip is found about as much later."""
 SCATTERS: Final = 0.03
 """Allowed lack of load [1]. With 0.1 an object on 0.9 of the friction slides 17 mm farther unseen, and in 118 frozen
-worlds it slips 1.02 mm in the mean instead of 0.85; none is lost or short of its goal more often."""
+worlds it slips 1.02 mm in the mean instead of 0.85; as many are lost."""
 LACKS_S: Final = 0.01
 """Sum that counts as slip [s]: a lack of 20 % for 60 ms, of 50 % for 21 ms."""
 
